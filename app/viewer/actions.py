@@ -42,14 +42,7 @@ class Actions:
     loading: the options for reading scenes. native: True if the desktop's dialogs may open.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        source: str,
-        preferences: Preferences,
-        loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
-        native: bool = False,
-    ) -> None:
+    def __init__(self, session: Session, source: str, preferences: Preferences, loading: LoadOptions, native: bool) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self.messages = Messages()
         self.say, self.attempt = self.messages.say, self.messages.attempt
@@ -88,7 +81,7 @@ class Actions:
         """True if a flight is recorded, and no film is in progress."""
         return self.session.path_recorder.path is not None and not self.film.busy
 
-    # ---- camera ----------------------------------------------------------------------------------------------------
+    # ---- camera, buffers and sides ---------------------------------------------------------------------------------
 
     def record(self) -> None:
         """Begin to record the flight, or end the recording and write the path file."""
@@ -99,8 +92,6 @@ class Actions:
         name = _stamped("flight", self.title, ".path")
         write_text(name, path_text(path.shifted(self.session.origin)))
         self.say(f"{name}: {path.frames} frames; File, Save film makes a film of it")
-
-    # ---- buffers and sides -----------------------------------------------------------------------------------------------
 
     def show(self, name: str) -> None:
         """Show a buffer."""
@@ -114,7 +105,7 @@ class Actions:
     def is_active(self, command: Command) -> bool:
         """Return True if the choice or the option of an action is the present one."""
         session, argument = self.session, command.argument
-        now = {"show": self.session.options.buffer, "use_preset": session.renderer(session.options.side).preset}
+        now = {"show": session.options.buffer, "session.use_preset": session.chosen.preset}
         if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
         return command.action in now and argument == now[command.action]
@@ -147,12 +138,9 @@ class Actions:
         options.side = 0 if options.divider == 0.0 else 1
         options.divider = float(1 - options.side)
 
-    def use_preset(self, name: str) -> None:
-        self.session.use_preset(self.session.options.side, name)
-
     def refine_further(self) -> None:
         """Halve the estimated error at which refinement ends. Set it to the default if it is 0, which means no refinement."""
-        now = self.session.renderer(self.session.options.side).settings.viewer_quality
+        now = self.session.chosen.settings.viewer_quality
         aim = max(0.5 * now, _FINEST) if now else preset("default").viewer_quality
         self.session.change(self.session.options.side, viewer_quality=aim)
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
@@ -171,7 +159,7 @@ class Actions:
     @property
     def _subject(self) -> Subject:
         """The view for which `trace` makes a reference."""
-        return self.session.subject(self.session.camera, self.session.renderer(self.session.options.side))
+        return self.session.subject(self.session.camera, self.session.chosen)
 
     def clear(self) -> None:
         for renderer in self.session.active:
@@ -239,6 +227,13 @@ class Actions:
         if then is not None:
             then()
 
+    def _unless_unsaved(self, act: Callable[[], object]) -> None:
+        """Call `act`. If there are unsaved changes, open the prompt about them first."""
+        if self.editor.unsaved:
+            self.prompt = prompts.unsaved(self, act)
+        else:
+            act()
+
     def save_film(self) -> None:
         """Begin a film of the path with the present scene, settings and picture size, in the videos folder."""
         session, folder = self.session, Path(platformdirs.user_videos_path())
@@ -257,15 +252,6 @@ class Actions:
         """Stop making the film, and delete its parts."""
         self.film.release()
         self.say("the film is given up; nothing of it was kept", topic="film")
-
-    # ---- unsaved changes ---------------------------------------------------------------------------------------------
-
-    def _unless_unsaved(self, act: Callable[[], object]) -> None:
-        """Call `act`. If there are unsaved changes, open the prompt about them first."""
-        if self.editor.unsaved:
-            self.prompt = prompts.unsaved(self, act)
-        else:
-            act()
 
     # ---- the window --------------------------------------------------------------------------------------------------
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Unpack, cast
 
 import moderngl
@@ -31,15 +30,6 @@ _SHARED = ("budget", "exposure")  # settings that both sides share; a change of 
 _MOVING = 0.6  # share of a tick's time while the camera moves: input at a tick's begin shows after the next tick
 
 
-@dataclass(frozen=True)
-class _Side:
-    """The result of a tick on a side. centre: the view with one sample a pixel. view: the view to show."""
-
-    centre: View
-    view: View
-    progress: Progress
-
-
 class Session(Owner):
     """One scene on show in a context of the caller's. size: pixels. values: settings on top of the preset. camera: world space.
 
@@ -62,7 +52,9 @@ class Session(Owner):
         self.options, self.tracing, self.plane = ViewOptions(), Reference(ctx), MeasuringPlane()
         self.renderers: list[Renderer] = []  # of the left side, and of the right side too if there is no second one
         self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
-        self._made: list[_Side] = []  # by side, the results of the last tick
+        self.views: list[View] = []  # by side, the views to show
+        self.progress: list[Progress] = []  # by side
+        self._centres: list[View] = []  # by side, the views with one sample a pixel
         self._shown: tuple[object, object] | None = None  # the inputs of the views, see _subject
         self._begin(scene, [(preset, values or {})])
         if camera is not None:
@@ -77,14 +69,6 @@ class Session(Owner):
     def active(self) -> list[Renderer]:
         """The renderers at work: two while two presets are compared, else one."""
         return self.renderers[: 2 if self.options.split else 1]
-
-    @property
-    def views(self) -> list[View]:
-        return [side.view for side in self._made]
-
-    @property
-    def progress(self) -> list[Progress]:
-        return [side.progress for side in self._made]
 
     @property
     def camera(self) -> Camera:
@@ -134,20 +118,21 @@ class Session(Owner):
                 made = [self._advance(side, seconds / len(self.active), gather) for side in range(len(self.active))]
         except InputWaits:
             return False
-        self._made, self._shown = made, subject
-        self.auto_exposure.tick(self.renderers[0], made[0].centre, dt, not made[0].progress.done)
+        self._centres, self.views, self.progress = (list(results) for results in zip(*made, strict=True))
+        self._shown = subject
+        self.auto_exposure.tick(self.renderers[0], self._centres[0], dt, not self.progress[0].done)
         if self.options.buffer == "light":
             self.brightest = brightest_light(self.renderers[0], self.views[0])
         return True
 
-    def _advance(self, side: int, seconds: float, gather: bool) -> _Side:
-        """Give a side's cache `seconds` of time, and return its result."""
+    def _advance(self, side: int, seconds: float, gather: bool) -> tuple[View, View, Progress]:
+        """Give a side's cache `seconds` of time. Return the view with one sample a pixel, the view to show, and the progress."""
         renderer, end = self.active[side], now() + seconds
         moving = self.moving and not self.options.split
         seconds *= _MOVING if moving else 1.0
         view, progress = renderer.frame(self.camera, seconds, gather and not self.options.frozen, moving)
         centre = view
-        if self._at_rest(progress) and any(view is one.centre for one in self._made):  # nothing has changed
+        if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has changed
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
             if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
                 aim = 0.01 * renderer.settings.viewer_quality
@@ -155,7 +140,7 @@ class Session(Owner):
         last = self.views[side] if side < len(self.views) else view
         if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
             view = last  # until the refined view has as many samples
-        return _Side(centre, view, progress)
+        return centre, view, progress
 
     @property
     def _subject(self) -> tuple[object, object]:
@@ -188,9 +173,10 @@ class Session(Owner):
         """Return the pixel of a view at the window's pixel (x, y). Views of a moving camera may be smaller than the window."""
         return x * view.image.width // self.size[0], y * view.image.height // self.size[1]
 
-    def renderer(self, side: int) -> Renderer:
-        """Return the renderer of a side."""
-        return self.active[min(side, len(self.active) - 1)]
+    @property
+    def chosen(self) -> Renderer:
+        """The renderer of the side that keys and panels change."""
+        return self.active[min(self.options.side, len(self.active) - 1)]
 
     def source(self, side: int) -> ViewSource:
         """Return the last tick's view of a side. Raises InputError before the first tick of a scene."""
@@ -209,13 +195,13 @@ class Session(Owner):
     def change(self, side: int, **values: Unpack[SettingValues]) -> None:
         """Change settings of a side; settings in _SHARED change on both sides. Raises InputError for an invalid value."""
         for renderer in self.renderers:
-            own = {k: v for k, v in values.items() if k in _SHARED or renderer is self.renderer(side)}
+            own = {k: v for k, v in values.items() if k in _SHARED or renderer is self.active[min(side, len(self.active) - 1)]}
             if own:
                 renderer.change(renderer.settings.with_values(own))
 
-    def use_preset(self, side: int, name: str) -> None:
-        renderer = self.renderer(side)
-        renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
+    def use_preset(self, name: str) -> None:
+        """Change all settings of the chosen side except those in _SHARED to those of a preset."""
+        self.chosen.change(preset(name, **_values(self.chosen.settings, _SHARED)), name)
 
     def split(self, on: bool) -> None:
         """Show two presets side by side, the present preset and paper or else paper and default; or one picture."""
@@ -239,7 +225,8 @@ class Session(Owner):
         """Change the size of the views, in pixels."""
         for renderer in self.renderers:
             renderer.resize(size)
-        self.size, self._made = size, []
+        self.size = size
+        self.views, self.progress, self._centres = [], [], []
 
     def open(self, scene: Scene) -> None:
         """Show another scene with the present settings, from its own first camera."""
@@ -262,7 +249,8 @@ class Session(Owner):
         self.renderers, self.scene, self.origin = made, scene, origin
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
-        self.auto_exposure, self.plane.height, self._made = AutoExposure(), usual_height(scene), []
+        self.auto_exposure, self.plane.height = AutoExposure(), usual_height(scene)
+        self.views, self.progress, self._centres = [], [], []
 
 
 def overrides(name: str, settings: Settings) -> SettingValues:

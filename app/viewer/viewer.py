@@ -17,14 +17,13 @@ from irrsplat.app.viewer.input.controls import Controls
 from irrsplat.app.viewer.preferences import Preferences, save
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, return_large_arrays, signals
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Screen
 from irrsplat.image.backdrop import GREY
 from irrsplat.records import cache_file
@@ -61,14 +60,14 @@ class Viewer(Owner):
         loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
     ) -> None:
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
-        self.session = Session(wnd.ctx, scene, wnd.buffer_size, preset, values, camera)
-        self.display = Display(self.session)
-        self.backend = ImguiBackend()
+        self.session = self.own(Session(wnd.ctx, scene, wnd.buffer_size, preset, values, camera))
+        self.display = self.own(Display(self.session))
         self.actions = Actions(self.session, source, preferences, loading, native=not wnd.headless)
+        self.own(self.actions.film)
+        self.backend = self.own(ImguiBackend())
         self.interface = Interface(self.actions, self.display)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
-        self._pictures = Workshop()
-        self.inspected: InspectedRecord | None = None
+        self._pictures = self.own(Workshop())
         self._kept: tuple[KeptCache, Scene] | None = None  # the file of records, and the scene to which they belong
         self._awake_until = 0.0  # by the clock in use, seconds
         self._shown: object = None  # the last state of all parts that change without an event
@@ -86,9 +85,6 @@ class Viewer(Owner):
         self._fit()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.actions.say(notice)
-
-    def owned(self) -> tuple[Resource, ...]:
-        return (self.session, self.display, self.actions.film, self.backend, self._pictures)
 
     @property
     def canvas(self) -> Picture:
@@ -119,7 +115,7 @@ class Viewer(Owner):
         if self._minimised:
             return
         core, cursor = now() - before, self.controls.pointer
-        self.inspected = self.display.update(self.canvas, cursor)
+        self.display.update(self.canvas, cursor)
         self._present(dt, cursor)
         if session.renderers[0].about["software"]:
             self.ctx.finish()  # a software renderer draws in this process, and its time counts
@@ -170,7 +166,7 @@ class Viewer(Owner):
         layout.start(self.backend.scale, options.controls and not options.hidden)
         if picture is not None:
             self.backend.background(picture, layout.picture)
-        self.interface.draw(self.inspected, cursor)
+        self.interface.draw(cursor)
 
     def _tick(self, hurried: bool) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.

@@ -51,7 +51,12 @@ def keys() -> str:
     rows = [(f"{held}", help) for held, help in FLYING]
     shown = " ".join(f"`{key.shown}`" for key in GROUPS["View/Buffer"])
     rows.append((shown, ", ".join(key.title for key in GROUPS["View/Buffer"])))
-    rows += [(f"`{key.shown}`", key.words) for name, group in GROUPS.items() if name != "View/Buffer" for key in group]
+    rows += [
+        (f"`{key.shown}`", f"{key.title}: {key.help}" if key.help else key.title)
+        for name, group in GROUPS.items()
+        if name != "View/Buffer"
+        for key in group
+    ]
     return table(("key", "action"), rows)
 
 

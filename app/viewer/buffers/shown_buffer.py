@@ -53,11 +53,8 @@ class Programs(Owner):
         self.ctx = ctx
         t = np.linspace(0.0, 1.0, _COLOURS)
         rows = np.stack([viridis(t), np.repeat(srgb(t)[:, None], 3, axis=1)])
-        self.colours = ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # linear filter by default
-        self._made = Workshop()
-
-    def owned(self) -> tuple[Resource, ...]:
-        return (self.colours, self._made)
+        table = ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # linear filter by default
+        self.colours, self._made = self.own(table), self.own(Workshop())
 
     def forget(self) -> None:
         self._made.clear()

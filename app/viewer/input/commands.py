@@ -41,10 +41,6 @@ class Command:
         word = _WORDS.get(self.key, name.title() if len(name) > 3 else name)
         return "Ctrl+" * self.ctrl + "Shift+" * self.shift + word
 
-    @property
-    def words(self) -> str:
-        return f"{self.title}: {self.help}" if self.help else self.title
-
 
 EXTRAS = {"reference": ("mitsuba", worker.INSTALL), "video": ("av", video.INSTALL)}  # by extra: module, install command
 MENUS = ("File", "Edit", "View", "Render", "Compare", "Window", "Help")
@@ -78,7 +74,7 @@ _VIEW = (
     Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
 )
 _RENDER = (
-    *(Command("Render", f"Preset {name}", "use_preset", argument=name) for name in PRESETS),
+    *(Command("Render", f"Preset {name}", "session.use_preset", argument=name) for name in PRESETS),
     Command("Render", "Refine further", "refine_further", help="halve the target error", section=True),
     Command("Render", "Freeze cache", "toggle", "F", "frozen", shift=True, help="to look at its records from another place"),
     Command("Render", "Clear cache", "clear"),

@@ -27,16 +27,18 @@ _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")  # portable_file_dialog
 Act = Callable[[], object]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Prompt:
     """A question. entries: a call that returns the choices for a typed text, by their names.
 
-    text: the initial text of the input line; None for a question without an input line.
+    text: the text of the input line; None for a question without an input line. row: the number of the marked entry.
     """
 
     title: str
     entries: Callable[[str], dict[str, Act]]
     text: str | None = ""
+    row: int = 0
+    opened: bool = False  # True once it has been drawn
 
 
 def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
@@ -133,62 +135,58 @@ _ENTER = imgui.Key.enter, imgui.Key.keypad_enter
 _FLAGS = imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
 
 
-class PromptView:
-    """The window of the prompt while a question is open."""
+def draw_prompt(actions: Actions, layout: Layout) -> None:
+    """Draw the window of the open question, if any, and run the chosen entry."""
+    prompt = actions.prompt
+    if prompt is None:
+        return
+    view = imgui.get_main_viewport()
+    imgui.set_next_window_pos((0.5 * view.size.x, 0.12 * view.size.y), imgui.Cond_.always, (0.5, 0.0))
+    imgui.set_next_window_size((min(_WIDTH * layout.scale, 0.96 * view.size.x), 0.0))
+    imgui.set_next_window_bg_alpha(1.0)  # text behind it stays hidden
+    imgui.begin("prompt", None, _FLAGS | imgui.WindowFlags_.no_title_bar)
+    imgui.text_wrapped(prompt.title)
+    chosen = _choose(prompt, 0.5 * view.size.y)
+    left = prompt.opened and not imgui.is_window_focused(imgui.FocusedFlags_.child_windows)
+    prompt.opened = True
+    imgui.end()
+    if chosen is not None or left:
+        actions.prompt = None
+    if chosen is not None:
+        actions.attempt(chosen)
 
-    def __init__(self) -> None:
-        self.text, self.row = "", 0  # the typed text, and the number of the marked entry
-        self._drawn: Prompt | None = None  # the prompt of the last frame
 
-    def draw(self, actions: Actions, layout: Layout) -> None:
-        """Draw the prompt, and run the chosen entry."""
-        prompt, opened = actions.prompt, actions.prompt is not self._drawn
-        self._drawn = prompt
-        if prompt is None:
-            return
-        if opened:
-            self.text, self.row = prompt.text or "", 0
-        view = imgui.get_main_viewport()
-        imgui.set_next_window_pos((0.5 * view.size.x, 0.12 * view.size.y), imgui.Cond_.always, (0.5, 0.0))
-        imgui.set_next_window_size((min(_WIDTH * layout.scale, 0.96 * view.size.x), 0.0))
-        imgui.set_next_window_bg_alpha(1.0)  # text behind it stays hidden
-        imgui.begin("prompt", None, _FLAGS | imgui.WindowFlags_.no_title_bar)
-        imgui.text_wrapped(prompt.title)
-        chosen = self._choose(prompt, opened, 0.5 * view.size.y)
-        left = not opened and not imgui.is_window_focused(imgui.FocusedFlags_.child_windows)
-        imgui.end()
-        if chosen is not None or left:
-            actions.prompt = None
-        if chosen is not None:
-            actions.attempt(chosen)
+def _choose(prompt: Prompt, most: float) -> Act | None:
+    """Draw the input line and the entries; return the chosen entry. Arrows mark an entry, and Enter chooses it.
 
-    def _choose(self, prompt: Prompt, opened: bool, most: float) -> Act | None:
-        """Draw the input line and the entries; return the chosen entry. Arrows mark an entry, and Enter chooses it.
-
-        most: the greatest height of the entries, window coordinates.
-        """
-        # a question without an input line takes Enter itself, but not the Enter that opened it
-        entered = prompt.text is None and not opened and any(map(imgui.is_key_pressed, _ENTER))
-        if opened:
-            imgui.set_keyboard_focus_here() if prompt.text is not None else imgui.set_window_focus()
-        if prompt.text is not None:
-            imgui.set_next_item_width(-1.0)
-            before = self.text
-            entered, self.text = imgui.input_text("##text", self.text, imgui.InputTextFlags_.enter_returns_true)
-            self.row = self.row if self.text == before else 0
-        found = prompt.entries(self.text)
-        step = sum(rows * imgui.is_key_pressed(key) for key, rows in _STEPS.items())
-        self.row = min(max(self.row + step, 0), max(len(found) - 1, 0))
-        chosen = list(found.values())[self.row] if entered and found else None
-        row = imgui.get_text_line_height_with_spacing()
-        height = min(row * (min(len(found), _ROWS) + 1), most)
-        if imgui.begin_child("entries", (0.0, height), window_flags=imgui.WindowFlags_.horizontal_scrollbar):
-            for number, (name, act) in enumerate(found.items()):
-                if imgui.selectable(name, number == self.row)[0]:
-                    chosen = act
-                if step and number == self.row:
-                    imgui.set_scroll_here_y()
-            if not found:
-                imgui.text_disabled("nothing has these words, and no file is there")
-        imgui.end_child()
-        return chosen
+    most: the greatest height of the entries, window coordinates.
+    """
+    if (
+        prompt.text is None
+    ):  # without an input line, Enter counts from the second frame on: the first one may have opened the prompt
+        entered = prompt.opened and any(map(imgui.is_key_pressed, _ENTER))
+        if not prompt.opened:
+            imgui.set_window_focus()
+    else:
+        if not prompt.opened:
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(-1.0)
+        before = prompt.text
+        entered, prompt.text = imgui.input_text("##text", before, imgui.InputTextFlags_.enter_returns_true)
+        prompt.row = prompt.row if prompt.text == before else 0
+    found = prompt.entries(prompt.text or "")
+    step = sum(rows * imgui.is_key_pressed(key) for key, rows in _STEPS.items())
+    prompt.row = min(max(prompt.row + step, 0), max(len(found) - 1, 0))
+    chosen = list(found.values())[prompt.row] if entered and found else None
+    row = imgui.get_text_line_height_with_spacing()
+    height = min(row * (min(len(found), _ROWS) + 1), most)
+    if imgui.begin_child("entries", (0.0, height), window_flags=imgui.WindowFlags_.horizontal_scrollbar):
+        for number, (name, act) in enumerate(found.items()):
+            if imgui.selectable(name, number == prompt.row)[0]:
+                chosen = act
+            if step and number == prompt.row:
+                imgui.set_scroll_here_y()
+        if not found:
+            imgui.text_disabled("nothing has these words, and no file is there")
+    imgui.end_child()
+    return chosen

@@ -17,7 +17,7 @@ from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.view_options import Point, Surface
 from irrsplat.core.memo import Memo
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Region, Target, texel
 from irrsplat.renderer import Renderer
 from irrsplat.scene import ray_caster
@@ -33,17 +33,15 @@ class Display(Owner):
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.programs = Programs(session.ctx)
-        self.markers, self.inspector = Markers(self.programs), RecordInspector(self.programs)
+        self.programs = self.own(Programs(session.ctx))
+        self.markers, self.inspector = self.own(Markers(self.programs)), self.own(RecordInspector(self.programs))
+        self.inspected: InspectedRecord | None = None  # the record under the cursor in the last picture
         self._memo = Memo()
         self.complete, self._partial = True, 0  # False if discs are left to the next frame; the number of such pictures
         self._renderers: list[Renderer] = []  # the renderers at the last update
 
-    def owned(self) -> tuple[Resource, ...]:
-        return (self.programs, self.markers, self.inspector)
-
-    def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
-        """Call `draw`, unless the screen already shows this picture. Return the inspected record, None for none."""
+    def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> None:
+        """Call `draw`, unless the screen already shows this picture."""
         options, session = self.session.options, self.session
         if self._renderers != session.renderers:
             self._renderers = list(session.renderers)
@@ -53,22 +51,21 @@ class Display(Owner):
         records = (options.discs or options.inspect) and [(r.cache.count, r.cache.revision) for r in session.active]
         marks = options.discs, records, options.plane and Identity(session.plane.measured), options.inspect and cursor
         inputs = sides, options.split, options.divider, marks, Identity(screen), self._partial
-        return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
+        self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
         return self.session.options.buffer, self.session.source(side).inputs
 
-    def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
-        """Draw both sides. Draw and return the record under the cursor, if records are inspected."""
+    def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> None:
+        """Draw both sides, and mark the record under the cursor, if records are inspected."""
         sides, self.complete = list(self.session.sides()), True
         for side, region in sides:
             self._draw_side(screen, side, region)
-        found = self._inspect(screen, cursor) if self.session.options.inspect and cursor is not None else None
+        self.inspected = self._inspect(screen, cursor) if self.session.options.inspect and cursor is not None else None
         for _, region in sides[1:]:
             assert region is not None
             clear(screen, _DIVIDER, (region[0] - 1, 0, 2, region[3]))
-        return found
 
     def _draw_side(self, screen: Target, side: int, region: Region | None) -> None:
         options, source = self.session.options, self.session.source(side)

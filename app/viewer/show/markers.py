@@ -12,7 +12,7 @@ from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Legend, P
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuredPlane
 from irrsplat.core.buffers import Records, Uniforms
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Region, Target, table_texture
 from irrsplat.image.view import View
 from irrsplat.meter.light_scale import STEPS, false_colours
@@ -36,11 +36,8 @@ class _Layer(Owner):
     """A side's discs of the first `count` records, in `new`. While changed records renew them, all earlier ones are in `old`."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.old, self.new = Picture(ctx, size, alpha="A"), Picture(ctx, size, alpha="A")
+        self.old, self.new = self.own(Picture(ctx, size, alpha="A")), self.own(Picture(ctx, size, alpha="A"))
         self.count, self.revision, self.renews, self._of = 0, 0, False, cast(object, None)
-
-    def owned(self) -> tuple[Resource, ...]:
-        return (self.old, self.new)
 
     def begin(self, of: object, cache: RecordCache) -> None:
         """Begin again for another view, and for changed records once all discs are drawn. of: the view and its settings."""
@@ -54,13 +51,9 @@ class Markers(Owner):
     """The painter of markers over the content of a target, or of a `region` of it, without the parts that surfaces hide."""
 
     def __init__(self, programs: Programs) -> None:
-        ctx = self.ctx = programs.ctx
-        self.programs = programs
-        self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
-        self._layers = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.numbers, self._layers)
+        self.ctx, self.programs = programs.ctx, programs
+        self.numbers = self.own(self.ctx.buffer(reserve=4))  # of the records that are drawn
+        self._layers = self.own(Workshop())
 
     def discs(
         self, canvas: Canvas, view: View, cache: RecordCache, settings: Settings, scene: Scene, side: int, most: int

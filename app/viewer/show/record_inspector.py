@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Programs, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Picture, Programs, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.table import atlas_tiles
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
 from irrsplat.gather import kinds
-from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.target import Target, texel
+from irrsplat.gpu.resource import Owner, Workshop
+from irrsplat.gpu.target import texel
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.weight import reach, weights
 
@@ -38,10 +38,7 @@ class RecordInspector(Owner):
 
     def __init__(self, programs: Programs) -> None:
         self.ctx, self.programs = programs.ctx, programs
-        self._made, self._memo = Workshop(), Memo()
-
-    def owned(self) -> tuple[Resource, ...]:
-        return (self._made,)
+        self._made, self._memo = self.own(Workshop()), Memo()
 
     def forget(self) -> None:
         self._made.clear()
@@ -104,9 +101,8 @@ class RecordInspector(Owner):
         made_for = world, kind, more, settings.gather_size, light_defines(world.scene)
         plain = replace(settings, light_samples=0)  # without next-event estimation, rays return the full radiance of emitters
         gather = self._made.get("gather", made_for, lambda: kinds.gather_pass(world, plain, capacity=1))
-        picture = self._made.get("picture", gather.cell, lambda: self.ctx.texture(gather.cell, 4))
-        target = self._made.get("target", picture, lambda: Target(self.ctx, gather.cell, textures=[picture]))
+        picture = self._made.get("picture", gather.cell, lambda: Picture(self.ctx, gather.cell, moderngl.LINEAR))
         site, light = renderer.cache.sites(slice(number, number + 1)), renderer.scheduler.gatherer.light(renderer.shadows)
         atlas = gather(light, site, np.array([number]), settings.seed)
-        Canvas(target, self.programs).tiles("gather_atlas", **atlas_tiles(atlas, renderer, source.gain))
-        return picture
+        Canvas(picture, self.programs).tiles("gather_atlas", **atlas_tiles(atlas, renderer, source.gain))
+        return picture.textures[0]

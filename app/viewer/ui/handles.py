@@ -13,7 +13,7 @@ from imgui_bundle import imgui, imguizmo
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.objects import bounds_of, moved, pixel_of
 from irrsplat.app.viewer.session import Session
-from irrsplat.app.viewer.ui.layout import AMBER, Layout, line
+from irrsplat.app.viewer.ui.layout import Layout, line
 from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.vectors import unit
 from irrsplat.scene.model import Light, Mesh
@@ -47,7 +47,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
                 actions.attempt(lambda place=place, move=move: editor.set_light(chosen, move(point_of(place))))  # type: ignore[misc]
         if axis := _axis(session, light):
             with layout.over_picture() as draw:
-                line(draw, layout.seen(session.camera, axis[0]), layout.seen(session.camera, axis[1]), AMBER)
+                line(draw, layout.seen(session.camera, axis[0]), layout.seen(session.camera, axis[1]))
 
 
 def _points(session: Session, light: Light) -> list[tuple[Point, Callable[[Point], Light]]]:
@@ -81,7 +81,7 @@ def _draw_box(session: Session, layout: Layout, mesh: Mesh) -> None:
     with layout.over_picture() as draw:
         for i, axis in product(range(8), (1, 2, 4)):
             if not i & axis:
-                line(draw, corners[i], corners[i | axis], AMBER, 1.5 * layout.scale)
+                line(draw, corners[i], corners[i | axis], 1.5 * layout.scale)
 
 
 def _dragged(actions: Actions, layout: Layout, number: int, place: np.ndarray) -> np.ndarray | None:

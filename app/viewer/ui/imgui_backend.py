@@ -30,7 +30,7 @@ class ImguiBackend:
     while another context is current. Its `want_capture_mouse` and `want_capture_keyboard` are true if the interface takes events.
     """
 
-    def __init__(self, scale: float = 1.0) -> None:
+    def __init__(self) -> None:
         self._pixels = (0, 0)
         self._context, self._plots = imgui.create_context(), implot.create_context()
         imgui.set_current_context(self._context)
@@ -50,7 +50,7 @@ class ImguiBackend:
         red, green, blue, _ = tuple(self._style.color_(imgui.Col_.slider_grab_active))  # the theme's accent
         self._style.set_color_(imgui.Col_.slider_grab, (red, green, blue, _GRAB))
         self._style.set_color_(imgui.Col_.slider_grab_active, (red, green, blue, _DRAGGED))
-        self.resize_scale(scale)
+        self.resize_scale(1.0)
 
     def resize_scale(self, scale: float) -> None:
         """Make text and widgets `scale` times as large as on a plain monitor. Call it between frames."""

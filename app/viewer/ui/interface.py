@@ -12,10 +12,9 @@ from irrsplat import __version__
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
-from irrsplat.app.viewer.input.prompts import PromptView
+from irrsplat.app.viewer.input.prompts import draw_prompt
 from irrsplat.app.viewer.messages import Message, Messages
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui import sections
 from irrsplat.app.viewer.ui.handles import draw_handles
 from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, RED, WHITE, Layout
@@ -57,15 +56,32 @@ def _lines(
     return height
 
 
+_LINKS = (("All settings…", "settings"), ("Lights…", "lights"), ("Objects…", "outliner"))
+_FLAGS = (
+    imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_focus_on_appearing  # focus would close a menu that opens in the same frame
+)
+
+
 class Interface:
     """All windows of the interface. Call `draw` between the backend's `begin` and `draw`."""
 
     def __init__(self, actions: Actions, display: Display) -> None:
         self.actions, self.display, self.layout = actions, display, Layout()
-        self.prompt = PromptView()
-        self.side_panel = SidePanel(actions, display, self.layout)
+        self._open: set[str] | None = None  # titles of the last frame's sections; None in the first frame, without scrolling
+        self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: the option that opens it, its draw call
+            "why dark?": ("why", lambda: sections.draw_why(actions, display)),  # answers come first: they grow after a click
+            "plane": ("plane", lambda: sections.draw_plane(actions, self.layout)),
+            "object": ("mesh", lambda: sections.draw_object(actions, self.layout)),
+            "lights": ("lights", lambda: sections.draw_lights(actions, self.layout)),
+            "objects": ("outliner", lambda: sections.draw_outliner(actions, self.layout)),
+            "settings": ("settings", lambda: sections.draw_settings(actions, self.layout)),
+        }
 
-    def draw(self, inspected: InspectedRecord | None, cursor: tuple[int, int] | None) -> None:
+    def draw(self, cursor: tuple[int, int] | None) -> None:
         """Draw all windows. cursor: the pixel under the mouse. The layout is that of this frame."""
         actions, options, layout, display = self.actions, self.actions.session.options, self.layout, self.display
         actions.editor.handles_used = actions.editor.dragging = False
@@ -82,40 +98,16 @@ class Interface:
                 draw_line(actions, layout)
             draw_menus(actions)
             draw_context_menu(actions)
-            self.side_panel.draw()
+            self._side_panel()
             legends = draw_legends(actions, display, layout, cursor)
-            if inspected is not None:
-                draw_record(inspected, layout, legends)
+            if display.inspected is not None:
+                draw_record(display.inspected, layout, legends)
             draw_plot(actions, display, layout, errors)
-        self.prompt.draw(actions, layout)
+        draw_prompt(actions, layout)
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
 
-
-_LINKS = (("All settings…", "settings"), ("Lights…", "lights"), ("Objects…", "outliner"))
-_FLAGS = (
-    imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_title_bar
-    | imgui.WindowFlags_.no_resize
-    | imgui.WindowFlags_.no_move
-    | imgui.WindowFlags_.no_focus_on_appearing  # focus would close a menu that opens in the same frame
-)
-
-
-class SidePanel:
-    """The panel along the left edge."""
-
-    def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
-        self.actions, self.layout = actions, layout
-        self._open: set[str] | None = None  # titles of the last frame's sections; None in the first frame, without scrolling
-        self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: the option that opens it, its draw call
-            "why dark?": ("why", lambda: sections.draw_why(actions, display)),  # answers come first: they grow after a click
-            "plane": ("plane", lambda: sections.draw_plane(actions, layout)),
-            "object": ("mesh", lambda: sections.draw_object(actions, layout)),
-            "lights": ("lights", lambda: sections.draw_lights(actions, layout)),
-            "objects": ("outliner", lambda: sections.draw_outliner(actions, layout)),
-            "settings": ("settings", lambda: sections.draw_settings(actions, layout)),
-        }
+    # ---- the side panel --------------------------------------------------------------------------------------------
 
     @property
     def open_titles(self) -> list[str]:
@@ -124,8 +116,8 @@ class SidePanel:
         picked = actions.editor.mesh is not None
         return [title for title, (opener, _) in self._sections.items() if (picked if opener == "mesh" else actions.is_on(opener))]
 
-    def draw(self) -> None:
-        """Draw the panel if it is open."""
+    def _side_panel(self) -> None:
+        """Draw the panel along the left edge, if it is open."""
         if not self.actions.session.options.controls:
             return
         layout, view = self.layout, imgui.get_main_viewport()

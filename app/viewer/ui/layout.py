@@ -111,17 +111,11 @@ def dot(draw: imgui.ImDrawList, place: tuple[float, float], colour: tuple[float,
     draw.add_circle_filled(place, 4.0, imgui.get_color_u32(colour))
 
 
-def line(
-    draw: imgui.ImDrawList,
-    start: tuple[float, float] | None,
-    end: tuple[float, float] | None,
-    colour: tuple[float, float, float, float],
-    width: float = 1.5,
-) -> None:
-    """Draw a line with a dark outline. Draw nothing if an end is behind the eye."""
+def line(draw: imgui.ImDrawList, start: tuple[float, float] | None, end: tuple[float, float] | None, width: float = 1.5) -> None:
+    """Draw an amber line with a dark outline. Draw nothing if an end is behind the eye."""
     if start is not None and end is not None:
         draw.add_line(start, end, imgui.get_color_u32(SHADE), width + 2.0)
-        draw.add_line(start, end, imgui.get_color_u32(colour), width)
+        draw.add_line(start, end, imgui.get_color_u32(AMBER), width)
 
 
 def in_unit(text: str, unit: str) -> str:

@@ -137,7 +137,7 @@ def draw_line(actions: Actions, layout: Layout) -> None:
         marks.append((layout.seen(camera, options.surface[0]), WHITE))
     with layout.over_picture() as draw:
         if ends:
-            line(draw, ends[0], ends[1], AMBER, 2.0)
+            line(draw, ends[0], ends[1], 2.0)
         for place, colour in marks:
             if place is not None:
                 dot(draw, place, colour)

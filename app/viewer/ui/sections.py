@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -289,20 +290,20 @@ def draw_settings(actions: Actions, layout: Layout) -> None:
 
 def draw_presets(actions: Actions, layout: Layout) -> None:
     options = actions.session.options
-    renderer = actions.session.renderer(options.side)
+    renderer = actions.session.chosen
     chosen, differs = renderer.preset, bool(overrides(renderer.preset, renderer.settings))
     name = f"preset {('left', 'right')[options.side]}" if options.split else "preset"
     if imgui.begin_combo(layout.label(name), f"{chosen}{' *' if differs else ''}"):
         for name in PRESETS:
             if imgui.selectable(name, name == chosen)[0]:
-                actions.attempt(lambda name=name: actions.use_preset(name))  # type: ignore[misc]
+                actions.attempt(partial(actions.session.use_preset, name))
         imgui.end_combo()
     imgui.set_item_tooltip("all settings at once (*: some differ); paper: the algorithm as published")
 
 
 def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
     """Draw the line of a setting: its widget, its name, and an arrow back to its word (such as auto) or the preset's value."""
-    renderer = actions.session.renderer(actions.session.options.side)
+    renderer = actions.session.chosen
     value, base = getattr(renderer.settings, d.name), getattr(preset(renderer.preset), d.name)
     with imgui_ctx.push_id(d.name):
         if d.name == actions.session.options.sought:
@@ -363,7 +364,7 @@ def _number(d: Declaration, label: str, number: float, word: str, width: float) 
 
 def _resolved(actions: Actions, d: Declaration) -> float:
     """Return the number that the word of a setting (such as auto) means now."""
-    renderer = actions.session.renderer(actions.session.options.side)
+    renderer = actions.session.chosen
     if d.name == "bounces":
         return int(renderer.scheduler.gatherer.bounces(renderer.settings)["bounces"])
     return renderer.settings.threshold if d.name == "tolerance" else actions.session.auto_exposure.stops

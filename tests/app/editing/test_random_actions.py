@@ -90,7 +90,7 @@ def move_camera(driver: Driver, draw: Draw) -> None:
 def press(driver: Driver, draw: Draw) -> None:
     """Press a random key of cameras, overlays, panels or the cache, or select another preset."""
     if draw.random() < 0.3:
-        driver.actions.use_preset(str(draw.choice(("paper", "default"))))
+        driver.actions.session.use_preset(str(draw.choice(("paper", "default"))))
         driver.session.change(driver.session.options.side, **QUICK)
     else:
         push(driver, str(draw.choice(KEYS)))

@@ -35,7 +35,7 @@ def traced_truth(driver: Driver, tracer: Tracer) -> TracedReference:
 def here(driver: Driver) -> TracedReference | None:
     """Return the reference of the visible view, or None."""
     on = driver.session
-    return on.tracing.of(on.subject(on.camera, on.renderer(0)))
+    return on.tracing.of(on.subject(on.camera, on.renderers[0]))
 
 
 def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,7 +74,7 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer) -> None:
 def test_a_truth_holds_for_one_view_and_lighting(driver: Driver, tracer: Tracer) -> None:
     """The reference is valid for one camera, size, lighting and number of bounces, and becomes valid again after an undo."""
     session, editor, fly = driver.session, driver.actions.editor, driver.session.free_camera
-    truth, home, bounces = traced_truth(driver, tracer), session.camera, session.renderer(0).settings.bounces
+    truth, home, bounces = traced_truth(driver, tracer), session.camera, session.renderers[0].settings.bounces
     point_light = editor.scene.lights[0]
     for change, undo in (
         (lambda: setattr(fly, "camera", replace(home, fov=home.fov + 1.0)), lambda: setattr(fly, "camera", home)),

@@ -35,7 +35,7 @@ def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: 
     driver.viewer.controls.files_dropped([str(other), "second.scene"])
     push(driver, "F12")
     assert list(Path("pictures").glob("irrsplat-hall-*.png")) and driver.session.camera.eye == (0.0, 0.1, 2.2)
-    assert driver.session.renderer(0).settings.a == 0.7
+    assert driver.session.renderers[0].settings.a == 0.7
     assert driver.actions.preferences.recent[:2] == [str(other), str(room)]
     driver.resize((640, 480), density=0.25)
     driver.choose("File", "Open recent")

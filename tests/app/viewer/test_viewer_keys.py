@@ -132,7 +132,7 @@ def flip(driver: Driver, shown: str) -> None:
         push(driver, shown)
         driver.frame(8, dt=0.1)
         assert np.array_equal(driver.canvas(), left) == (side == 0)
-    driver.actions.use_preset("preview")
+    driver.actions.session.use_preset("preview")
     assert [renderer.preset for renderer in driver.session.renderers] == ["default", "preview"]
 
 
@@ -165,7 +165,7 @@ def section(driver: Driver, shown: str) -> None:
         push(driver, shown)
         driver.frame(3)
         assert options.controls and driver.session.size[0] < 0.7 * before[0]
-        assert (titles[shown] in driver.viewer.interface.side_panel.open_titles) == titled
+        assert (titles[shown] in driver.viewer.interface.open_titles) == titled
     options.frozen = options.controls = False
 
 

@@ -75,7 +75,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
             actions.show(name)
             driver.frame()
             before += [weakref.ref(view) for view in session.views]
-        assert driver.viewer.inspected is not None
+        assert driver.display.inspected is not None
         options.frozen = True
         session.split(True)
         driver.frame()

@@ -93,7 +93,7 @@ def test_the_record_under_the_cursor_is_of_its_side(driver: Driver) -> None:
     push(driver, "I")
     for place, side in ((WALL, 0), ((250.0, 100.0), 1)):
         driver.click(*place)
-        found = driver.viewer.inspected
+        found = driver.display.inspected
         assert found is not None and found.side == side
     assert driver.session.camera == before and driver.actions.editor.mesh is None
 

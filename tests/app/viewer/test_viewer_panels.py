@@ -51,7 +51,7 @@ def panel(driver: Driver) -> Driver:
 
 
 def value(driver: Driver, name: str) -> Any:
-    return getattr(driver.session.renderer(0).settings, name)
+    return getattr(driver.session.renderers[0].settings, name)
 
 
 def shown(driver: Driver) -> set[str]:
@@ -68,7 +68,7 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
     assert {label(name) for name in SETTINGS.keys() - OF_RENDERS} <= shown(panel)
     changes = {"max_records": 9000, "radius_max": 60.0, "tolerance": 4.0, "weights": "paper", "gradients": False}
     for name, expected in changes.items():
-        old, camera = panel.session.renderer(0).settings, panel.session.camera
+        old, camera = panel.session.renderers[0].settings, panel.session.camera
         widget = panel.find(label(name))
         if isinstance(expected, str):
             rows = 1 + list(SETTINGS[name].choices).index(expected)
@@ -78,7 +78,7 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
             panel.click(widget.box[0] + 8.0, widget.at()[1])
         else:
             panel.enter(widget, f"{expected:g}")
-        changed = panel.session.renderer(0).settings
+        changed = panel.session.renderers[0].settings
         assert getattr(changed, name) == expected
         assert [n for n in SETTINGS if getattr(changed, n) != getattr(old, n)] == [name] and panel.session.camera == camera
         panel.click(*panel.find("←", beside=label(name)).at())
@@ -90,7 +90,7 @@ def test_presets_are_in_the_list_and_in_the_menu(panel: Driver) -> None:
         panel.choose(way)
         assert {prefix + name for name in PRESETS} <= shown(panel)
         panel.choose(prefix + name)
-        assert panel.session.renderer(0).preset == name
+        assert panel.session.renderers[0].preset == name
 
 
 def test_tab_goes_to_the_next_field_and_outside_of_fields_to_the_next_split(panel: Driver) -> None:

@@ -58,7 +58,7 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
 
 @pytest.mark.parametrize(("typed", "found"), [
     ("record discs", lambda driver: driver.session.options.discs),
-    ("preset preview", lambda driver: driver.session.renderer(0).preset == "preview"),
+    ("preset preview", lambda driver: driver.session.renderers[0].preset == "preview"),
     ("setting radius max", lambda driver: driver.session.options.settings),
     ("open furnace", lambda driver: driver.actions.source == "furnace"),
 ])  # fmt: skip

@@ -54,7 +54,7 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver, monkeyp
     with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / FONTS[0]) as path:
         font = ImageFont.truetype(str(path), 2.0 * FONT_SIZE)
     headers = {w.label: w for w in driver.widgets if w.kind == "collapsing_header"}
-    for title in driver.viewer.interface.side_panel.open_titles:
+    for title in driver.viewer.interface.open_titles:
         left, _, right, _ = headers[title].box
         assert right - left >= font.getlength(title) + 2.0 * 2.0 * FONT_SIZE + 12.0, title
     sliders = [w for w in driver.widgets if w.label in ("##tolerance", "##exposure")]
