@@ -7,6 +7,7 @@ import signal
 from collections.abc import Sequence
 
 import moderngl
+from imgui_bundle import imgui
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
@@ -76,12 +77,9 @@ class Viewer(Owner):
         self._cut = False  # True if input ended the last tick
         self._overhead = 0.0  # seconds per frame of all work without the core's tick, a running mean
         self.actions.announce = lambda words: setattr(wnd, "title", f"{words} – {TITLE}")
-        wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         self.desktop.listen(self.controls.files_dropped, self.controls.focus_changed)
         self.wake()
-        for _ in range(_PASSES):  # so that the first picture has the size of the area without panels
-            self._draw_interface(_INSTANT, None)
-            self.backend.end()
+        self._pass_interface()  # so that the first picture has the size of the area without panels
         self._fit()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.actions.say(notice)
@@ -133,10 +131,8 @@ class Viewer(Owner):
         while (self.session.views or self._minimised) and (taken := self.desktop.take()):
             self.wake()
             answers = answers or not all(taken) or not self.controls.active
-            for _ in range(0 if self.controls.flies else _PASSES):  # no shortcut works in flight
-                if self.session.views:
-                    self._draw_interface(_INSTANT, None)
-                    self.backend.end()
+            if self.session.views and not self.controls.flies:  # no shortcut works in flight
+                self._pass_interface()
             self._fit()
         self._fit()
         return answers
@@ -156,6 +152,12 @@ class Viewer(Owner):
         """The picture's part of the window: left, top, width, height in pixels."""
         size = self.wnd.buffer_size
         return self.interface.layout.pixels(size[0] / max(self.wnd.width, 1), size)
+
+    def _pass_interface(self) -> None:
+        """Make the interface's windows without drawing them."""
+        for _ in range(_PASSES):
+            self._draw_interface(_INSTANT, None)
+            imgui.end_frame()
 
     def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, picture: moderngl.Texture | None = None) -> None:
         """Begin a pass of the interface, `dt` seconds after the last one, and make its windows, over a `picture` if given."""
@@ -207,11 +209,11 @@ class Viewer(Owner):
             while not self.display.complete:
                 self.display.update(self.canvas, cursor)
             actions.attempt(lambda: actions.save_screenshot(self.canvas.read()[..., :3]))
+        self._draw_interface(dt, cursor, self.canvas.textures[0])
         window = Screen(self.wnd.fbo, self.wnd.buffer_size)
         window.use()
         window.gl.clear(*GREY[0])
-        self._draw_interface(dt, cursor, self.canvas.textures[0])
-        self.backend.draw(window.gl)
+        self.backend.draw()
 
     # ---- from start to end -----------------------------------------------------------------------------------------
 
@@ -264,7 +266,7 @@ class Viewer(Owner):
                 slept = True
             _, dt = timer.next_frame()
             self.wnd.title = f"{self.actions.title}{'*' * self.actions.editor.unsaved} – {TITLE}"
-            self.wnd.render(timer.time, _SLEEP if slept else dt)
+            self.frame(_SLEEP if slept else dt)
             if not self._closing():
                 self.wnd.swap_buffers()
                 if self.still:

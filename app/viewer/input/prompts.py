@@ -65,19 +65,14 @@ def command(actions: Actions, all_keys: bool) -> Prompt:
             entries.setdefault(f"{one.menu.replace('/', ' ')}: {one.title}{key}", partial(actions.press, one))
     for name in sorted(SETTINGS.keys() - OF_RENDERS):
         entries[f"Setting: {name.replace('_', ' ')}"] = partial(actions.show_setting, name)
-    entries |= {f"Open: {name}": act for name, act in _scenes(actions).items()}
+    sources = dict.fromkeys((*bundled(), *actions.preferences.recent))
+    entries |= {f"Open: {os.path.basename(source)}": partial(actions.open, source) for source in reversed(sources)}
 
     def found(text: str) -> dict[str, Act]:
         path = os.path.expanduser(text.strip())
         return {f"Open: {path}": partial(actions.open, path)} if os.path.isfile(path) else _having(text, entries)
 
     return Prompt("a command, or the name or the path of a scene", found)
-
-
-def _scenes(actions: Actions) -> dict[str, Act]:
-    """Return an entry for each bundled and each recent scene."""
-    sources = dict.fromkeys((*bundled(), *actions.preferences.recent))
-    return {os.path.basename(source): partial(actions.open, source) for source in reversed(sources)}
 
 
 def unsaved(actions: Actions, act: Act) -> Prompt:

@@ -72,7 +72,7 @@ class Display(Owner):
         canvas, view, renderer = Canvas(screen, self.programs, region), source.view, source.renderer
         BUFFERS[options.buffer].draw(canvas, source)
         if options.plane and self.shows_scene and (measured := self.session.plane.measured) is not None:
-            self.markers.plane(screen, view, measured, region)
+            self.markers.plane(canvas, view, measured)
         if options.discs and self.shows_scene:
             most = _DISCS if renderer.about["software"] else renderer.cache.count
             if not self.markers.discs(canvas, view, renderer.cache, renderer.settings, renderer.scene, side, most):
@@ -85,8 +85,8 @@ class Display(Owner):
         number = self.inspector.pick(source, *session.place(source.view, *cursor))
         if number is None:
             return None
-        region, records = dict(session.sides()).get(side), source.renderer.cache.records
-        self.markers.contributes(screen, source.view, records, number, source.renderer.settings, region)
+        canvas, renderer = Canvas(screen, self.programs, dict(session.sides()).get(side)), source.renderer
+        self.markers.contributes(canvas, source.view, renderer.cache.records, number, renderer.settings)
         return self.inspector.inspect(number, side, source)
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:

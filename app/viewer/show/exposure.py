@@ -52,8 +52,9 @@ class AutoExposure:
         inputs = view.camera, Identity(renderer.scene.meshes), replace(renderer.settings, blend=0.0)
         self._metered, self._inputs, before = self._metered and inputs == self._inputs, inputs, self._lit
         if view is not self._view and not self._metered:
-            self._view = view
-            self._aim(renderer.automatic_stops(view), renderer.scheduler.gatherer.awaits_light)
+            self._view, found = view, renderer.automatic_stops(view)
+            if found != 0.0 and (found < _MOST or not self._lit):  # 0 or more than _MOST means an unlit picture
+                self._goal, self._lit = min(max(found, -_MOST), _MOST), not renderer.scheduler.gatherer.awaits_light
             self._metered = self._lit and not filling
         if not before or self.settled:  # the first light sets the exposure at once
             self.stops = self._goal
@@ -61,11 +62,6 @@ class AutoExposure:
             return
         step = (self._goal - self.stops) * (1.0 - math.exp(-dt / _TIME))
         self.stops += min(max(step, -_FASTEST * dt), _FASTEST * dt)
-
-    def _aim(self, found: float, partly: bool) -> None:
-        """Set the goal to a measurement; 0 or more than _MOST means an unlit picture. partly: True before any indirect light."""
-        if found != 0.0 and (found < _MOST or not self._lit):
-            self._goal, self._lit = min(max(found, -_MOST), _MOST), not partly
 
 
 def brightest_light(renderer: Renderer, view: View) -> float:

@@ -13,7 +13,7 @@ from irrsplat.app.viewer.show.light.measuring_plane import MeasuredPlane
 from irrsplat.core.buffers import Records, Uniforms
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Workshop
-from irrsplat.gpu.target import Region, Target, table_texture
+from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image.view import View
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.records.culling import reaching
@@ -48,7 +48,7 @@ class _Layer(Owner):
 
 
 class Markers(Owner):
-    """The painter of markers over the content of a target, or of a `region` of it, without the parts that surfaces hide."""
+    """The painter of markers over the content of a canvas, without the parts that surfaces hide."""
 
     def __init__(self, programs: Programs) -> None:
         self.ctx, self.programs = programs.ctx, programs
@@ -62,20 +62,21 @@ class Markers(Owner):
 
         most: the greatest number of discs that a call adds to those of the last call. Return True if all records have one.
         """
-        target, region = canvas.target, canvas.region
+        target = canvas.target
         layer = self._layers.get(f"side {side}", target.size, lambda: _Layer(self.ctx, target.size))
-        layer.begin((Identity(view.gbuffer), Identity(cache), settings, region), cache)
+        layer.begin((Identity(view.gbuffer), Identity(cache), settings, canvas.region), cache)
         numbers = reaching(cache, layer.count, view.camera, view.gbuffer.position.size, settings)
         chosen, (low, high) = numbers[:most].astype("i4"), np.log(radius_range(settings, scene))
         if len(chosen):
             uniforms = {"size": target.size, "span": (low, 1.0 / (high - low)), "width": _WIDTH, "segments": _SEGMENTS}
             uniforms |= {**self._of_records(target, view, cache.records, settings), "colours": self.programs.colours}
             program = self.programs("viewer/markers/discs", "viewer/markers/discs", record_defines(settings.gradients))
-            self._draw(program, layer.new, uniforms, chosen, state=_CLIPPED, vertices=2 * _SEGMENTS + 2, scissor=region)
+            below = replace(canvas, target=layer.new)
+            self._draw(program, below, uniforms, chosen, state=_CLIPPED, vertices=2 * _SEGMENTS + 2)
         layer.count = cache.count if len(chosen) == len(numbers) else int(chosen[-1]) + 1
         layer.renews &= layer.count < cache.count
         shown = {"part_0": (layer.old if layer.renews else layer.new).textures[0], "start": (0, 0)}
-        self._draw(self.programs("lib/place"), target, shown, state=_LAYER, scissor=region)
+        self._draw(self.programs("lib/place"), canvas, shown, state=_LAYER)
         return layer.count >= cache.count and layer.revision == cache.revision
 
     def _of_records(self, target: Target, view: View, records: Records, settings: Settings) -> Uniforms:
@@ -83,23 +84,23 @@ class Markers(Owner):
         radii = view_radius_uniforms(view.camera, view.gbuffer.position.size, settings)
         return {**records.uniforms, **view_uniforms(target, view.gbuffer, view.camera), **radii}
 
-    def _draw(self, program: Program, target: Target, uniforms: Uniforms, numbers: Any = None, **draws: Any) -> None:
+    def _draw(self, program: Program, canvas: Canvas, uniforms: Uniforms, numbers: Any = None, **draws: Any) -> None:
         """Draw a strip of triangles, or one for each of the records of these `numbers`; with the uniforms that are declared."""
         if numbers is not None:
             self.numbers.orphan(numbers.nbytes)
             self.numbers.write(numbers)
             draws |= {"instances": len(numbers), "numbers": self.numbers}
         whole = {"mode": moderngl.TRIANGLE_STRIP, "state": _OVER, "vertices": 4, **draws}
-        program(target, **whole, **program.declared(uniforms))
+        program(canvas.target, scissor=canvas.region, **whole, **program.declared(uniforms))
 
-    def plane(self, target: Target, view: View, measured: MeasuredPlane, region: Region | None) -> None:
+    def plane(self, canvas: Canvas, view: View, measured: MeasuredPlane) -> None:
         """Draw the measuring plane in false colours with isolines."""
         readings, plane, scale = measured.readings, measured.plane, measured.scale
         places = np.zeros((len(readings.counts), 4), np.float32)
         places[:, 0], places[:, 1] = scale.place(readings.total @ scale.weights), readings.counts
         texture = table_texture(self.ctx, places.reshape(measured.rows, measured.columns, 4))
         uniforms = {
-            **view_uniforms(target, view.gbuffer, view.camera),
+            **view_uniforms(canvas.target, view.gbuffer, view.camera),
             "corner": plane.corner,
             "u": plane.u,
             "v": plane.v,
@@ -109,17 +110,15 @@ class Markers(Owner):
             "palette": false_colours(),
         }
         try:
-            self._draw(self.programs("viewer/markers/plane", "viewer/markers/plane"), target, uniforms, scissor=region)
+            self._draw(self.programs("viewer/markers/plane", "viewer/markers/plane"), canvas, uniforms)
         finally:
             texture.release()
 
-    def contributes(
-        self, target: Target, view: View, records: Records, number: int, settings: Settings, region: Region | None = None
-    ) -> None:
-        """Tint the pixels that record `number` contributes to, in `region` of the target."""
-        uniforms = {**self._of_records(target, view, records, settings), "forward": -view.camera.axes[2], "tint": _TINT}
+    def contributes(self, canvas: Canvas, view: View, records: Records, number: int, settings: Settings) -> None:
+        """Tint the pixels that record `number` contributes to."""
+        uniforms = {**self._of_records(canvas.target, view, records, settings), "forward": -view.camera.axes[2], "tint": _TINT}
         program = self.programs("viewer/markers/covers", "indirect/splat", record_defines(settings.gradients))
-        self._draw(program, target, uniforms, np.array([number], "i4"), scissor=region)
+        self._draw(program, canvas, uniforms, np.array([number], "i4"))
 
 
 def radius_legend(settings: Settings, scene: Scene) -> Legend:

@@ -31,7 +31,6 @@ class ImguiBackend:
     """
 
     def __init__(self) -> None:
-        self._pixels = (0, 0)
         self._context, self._plots = imgui.create_context(), implot.create_context()
         imgui.set_current_context(self._context)
         self.io = imgui.get_io()  # its methods work on its own context, also while another one is current
@@ -66,7 +65,6 @@ class ImguiBackend:
         """Start a frame of a window: `size` in window coordinates, `framebuffer` in pixels, `dt` seconds after the last one."""
         imgui.set_current_context(self._context)
         implot.set_current_context(self._plots)
-        self._pixels = framebuffer
         self.io.display_size = imgui.ImVec2(*size)
         if all(size) and all(framebuffer):  # not minimised
             self.io.display_framebuffer_scale = imgui.ImVec2(framebuffer[0] / size[0], framebuffer[1] / size[1])
@@ -74,16 +72,9 @@ class ImguiBackend:
         imgui.backends.opengl3_new_frame()
         imgui.new_frame()
 
-    def end(self) -> None:
-        imgui.set_current_context(self._context)
-        imgui.end_frame()
-
-    def draw(self, framebuffer: moderngl.Framebuffer) -> None:
-        """End the frame, and draw it over the content of `framebuffer` (sRGB values, bottom row first)."""
-        imgui.set_current_context(self._context)
+    def draw(self) -> None:
+        """End the frame, and draw it over the content of the bound framebuffer (sRGB values, bottom row first)."""
         imgui.render()
-        framebuffer.viewport = (0, 0, *self._pixels)
-        framebuffer.use()
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
     def background(self, texture: moderngl.Texture, box: tuple[float, float, float, float]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.color import linear_from_srgb, srgb
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.scene import ray_caster
-from irrsplat.scene.model import Light, Material, Mesh
+from irrsplat.scene.model import Material, Mesh
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
 
@@ -41,21 +41,34 @@ def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float,
     return changed, (red, green, blue)
 
 
-def edit_output(layout: Layout, unit: str, value: float) -> float | None:
-    """Draw the field of an output with the unit as its label; return the new value if the user changed it to one of 0 or more."""
-    form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
-    changed, output = imgui.drag_float(layout.label(unit), value, max(_STEP * value, _STEP), 0.0, 0.0, form)
-    imgui.set_item_tooltip(f"{objects.described(unit, value)}; Ctrl+click: type it")
-    return max(output, 0.0) if changed and math.isfinite(output) else None
+def edit_tint(layout: Layout, label: str, color: Point) -> Point:
+    """Draw the field of an emitted colour relative to its largest component; return the colour after it, as bright as before."""
+    changed, tint = edit_colour(layout.label(label), tint_of(color))
+    return scaled(tint, max(color) or 1.0) if changed and max(tint) > 0.0 else color
 
 
-def tint_of(color: Sequence[float]) -> Point:
+def edit_outputs(layout: Layout, color: Point, units: Callable[[Point], dict[str, float]], least: float = 0.0) -> Point:
+    """Draw a field for each output of an emitted colour, with the unit as its label; return the colour after them.
+
+    units: a call that returns the outputs of a colour by unit. least: the least scale of the colour.
+    """
+    tint = tint_of(color)
+    full = units(tint)
+    for unit, value in units(color).items():
+        form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
+        changed, output = imgui.drag_float(layout.label(unit), value, max(_STEP * value, _STEP), 0.0, 0.0, form)
+        imgui.set_item_tooltip(f"{objects.described(unit, value)}; Ctrl+click: type it")
+        if changed and math.isfinite(output) and full[unit]:
+            color = scaled(tint, max(output / full[unit], least))
+    return color
+
+
+def tint_of(color: Point) -> Point:
     """Return the colour with a greatest component of 1; white for black."""
-    brightest = max(color)
-    return point_of([c / brightest for c in color]) if brightest > 0.0 else (1.0, 1.0, 1.0)
+    return point_of([c / max(color) for c in color]) if max(color) > 0.0 else (1.0, 1.0, 1.0)
 
 
-def scaled(color: Sequence[float], factor: float) -> Point:
+def scaled(color: Point, factor: float) -> Point:
     return point_of([factor * c for c in color])
 
 
@@ -81,29 +94,18 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
     before = light = actions.editor.scene.lights[number]
     if light.photometry is not None:
         imgui.text_disabled(Path(light.photometry.path).name)
-    tint, full = tint_of(light.color), objects.light_units(replace(light, color=tint_of(light.color)))
-    for unit, now in objects.light_units(light).items():
-        output = edit_output(layout, unit, now)
-        if output is not None and full[unit]:
-            light = replace(light, color=scaled(tint, output / full[unit]))
-    light = _coloured(layout, light)
+    color = edit_outputs(layout, light.color, lambda color: objects.light_units(replace(before, color=color)))
+    light = replace(light, color=edit_tint(layout, "colour", color))
+    kelvin = objects.kelvin_of(light.color)
+    changed, kelvin = imgui.slider_float(layout.label("kelvin"), kelvin, objects.COLDEST, objects.HOTTEST, "%.0f K")
+    imgui.set_item_tooltip("the nearest black body; a drag sets its colour, as bright as before")
+    light = objects.heated(light, round(min(max(kelvin, objects.COLDEST), objects.HOTTEST))) if changed else light
     if light.has_cone:
         changed, cone = imgui.slider_float(layout.label("cone"), light.spot_cutoff, *_CONES, "%.3g°")
         imgui.set_item_tooltip("the angle between the axis and the edge of the light")
         light = replace(light, spot_cutoff=min(max(cone, _CONES[0]), _CONES[1])) if changed else light
     if light != before:
         actions.attempt(lambda: actions.editor.set_light(number, light))
-
-
-def _coloured(layout: Layout, light: Light) -> Light:
-    """Draw the widgets of a light's colour; return the light after them."""
-    changed, tint = edit_colour(layout.label("colour"), tint_of(light.color))
-    if changed and max(tint) > 0.0:
-        light = replace(light, color=scaled(tint, max(light.color) or 1.0))
-    now = objects.kelvin_of(light.color)
-    changed, kelvin = imgui.slider_float(layout.label("kelvin"), now, objects.COLDEST, objects.HOTTEST, "%.0f K")
-    imgui.set_item_tooltip("the nearest black body; a drag sets its colour, as bright as before")
-    return objects.heated(light, round(min(max(kelvin, objects.COLDEST), objects.HOTTEST))) if changed else light
 
 
 def draw_rings(actions: Actions, layout: Layout) -> None:
@@ -150,17 +152,9 @@ def _painted(mesh: Mesh, layout: Layout) -> Material:
     emission = material.emission
     textured = material.emission_texture is not None or material.filters
     least = _DARKEST if textured and any(emission) else 0.0  # at 0, a textured emitter would need another way of drawing
-    tint = tint_of(emission)
-    full, now = objects.surface_units(mesh, tint), objects.surface_units(mesh, emission)
-    for unit, one in full.items():
-        output = edit_output(layout, unit, now[unit])
-        if output is not None and one:
-            material = replace(material, emission=scaled(tint, max(output / one, least)))
-    if any(emission):
-        changed, tint = edit_colour(layout.label("emission colour"), tint)
-        if changed and max(tint) > 0.0:
-            material = replace(material, emission=scaled(tint, max(emission)))
-    return material
+    emission = edit_outputs(layout, emission, lambda emission: objects.surface_units(mesh, emission), least)
+    emission = edit_tint(layout, "emission colour", emission) if any(emission) else emission
+    return replace(material, emission=emission)
 
 
 def draw_outliner(actions: Actions, layout: Layout) -> None:
@@ -330,28 +324,17 @@ def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
 
 
 def _widget(actions: Actions, layout: Layout, d: Declaration, value: Value) -> Value:
-    """Draw the widget of a setting; return its value afterwards."""
+    """Draw the widget of a setting; return its value afterwards. Numbers in SLIDERS have a slider, others a field to drag."""
     label = layout.label(d.name.replace("_", " "))
-    style = imgui.get_style()
-    width = layout.widget - imgui.calc_text_size("←").x - 2.0 * style.frame_padding.x - style.item_spacing.x
     if d.kind == "bool":
         return imgui.checkbox(label, bool(value))[1]
+    style = imgui.get_style()
+    imgui.set_next_item_width(layout.widget - imgui.calc_text_size("←").x - 2.0 * style.frame_padding.x - style.item_spacing.x)
     if d.kind == "choice":
-        imgui.set_next_item_width(width)
         return d.choices[imgui.combo(label, d.choices.index(str(value)), list(d.choices))[1]]
     number = _resolved(actions, d) if value == d.word else cast(float, value)
-    moved, now = _number(d, label, number, f" ({d.word})" if value == d.word else "", width)
-    return now if moved else value
-
-
-def _number(d: Declaration, label: str, number: float, word: str, width: float) -> tuple[bool, float]:
-    """Draw a slider for a setting of SLIDERS, and a field to drag or to type into for any other setting.
-
-    Return True if the user changed the number, and the number. word: text behind the number.
-    """
     least, most = d.low or 0, d.high or 0
-    imgui.set_next_item_width(width)
-    unit = (f" {d.unit}" if d.unit and not d.word else word).replace("%", "%%")
+    unit = f" ({d.word})" if value == d.word else f" {d.unit}".replace("%", "%%") if d.unit and not d.word else ""
     if d.name in SLIDERS:
         flags = imgui.SliderFlags_.logarithmic if d.name in _LOGARITHMIC else 0
         moved, now = imgui.slider_float(label, number, *SLIDERS[d.name], f"%.3g{unit}", flags)
@@ -359,7 +342,8 @@ def _number(d: Declaration, label: str, number: float, word: str, width: float) 
         moved, now = imgui.drag_int(label, int(number), max(_STEP * abs(number), 0.1), int(least), int(most), f"%d{unit}")
     else:
         moved, now = imgui.drag_float(label, number, max(_STEP * abs(number), 0.001), least, most, f"%.3g{unit}")
-    return moved, min(max(float(f"{now:.6g}") if d.kind == "float" else now, least), most)  # imgui's values are float32
+    now = float(f"{now:.6g}") if d.kind == "float" else now  # imgui's values are float32
+    return min(max(now, least), most) if moved else value
 
 
 def _resolved(actions: Actions, d: Declaration) -> float:

@@ -102,7 +102,7 @@ class Walker:
         """So many frames go by, as in the viewer's own loop."""
         for _ in range(frames):
             self.labels.now.clear()
-            self.viewer.wnd.render(time.monotonic(), 1.0 / 30.0)
+            self.viewer.frame(1.0 / 30.0)
             self.viewer.wnd.swap_buffers()
 
     def until(self, true: Callable[[], object], what: str) -> None:
