@@ -15,7 +15,6 @@ import platformdirs
 
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground, FilmJob
-from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.objects import light_name, object_name, on_screen
 from irrsplat.app.viewer.input import prompts
@@ -147,19 +146,14 @@ class Actions:
 
     def trace(self) -> None:
         """Start path-tracing the reference of the view in the background, or stop."""
-        self.say(self.session.tracing.toggle(self._subject), topic="reference")
+        self.say(self.session.tracing.toggle(self.session.subject), topic="reference")
 
     def collect(self) -> None:
         """Update all background work: dialog, film and reference. Measure the plane if it is shown."""
         self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
-        self.attempt(lambda: self.session.tracing.update(self._subject, self.say))
-
-    @property
-    def _subject(self) -> Subject:
-        """The view for which `trace` makes a reference."""
-        return self.session.subject(self.session.camera, self.session.chosen)
+        self.attempt(lambda: self.session.tracing.update(self.session.subject, self.say))
 
     def clear(self) -> None:
         for renderer in self.session.active:
@@ -173,12 +167,11 @@ class Actions:
         density: pixels per window coordinate.
         """
         editor, session = self.editor, self.session
-        lit = {
-            number: on_screen(session.camera, session.size, light.position)
-            for number, light in enumerate(editor.scene.lights)
-            if self.session.options.lights and not light.directional
-        }
-        near = [number for number, place in lit.items() if place is not None and dist(place, pixel) <= _RING * density]
+        near = []
+        for number, light in enumerate(editor.scene.lights if session.options.lights else ()):
+            place = None if light.directional else on_screen(session.camera, session.size, light.position)
+            if place is not None and dist(place, pixel) <= _RING * density:
+                near.append(number)
         if near:  # of several lights, pick the one nearest to the eye
             editor.pick_light(min(near, key=lambda number: dist(editor.scene.lights[number].position, session.camera.eye)))
         else:

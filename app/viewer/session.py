@@ -184,11 +184,13 @@ class Session(Owner):
             raise InputError("there is no picture of this scene yet")
         i = side if len(self.views) == 2 and self.options.split else 0
         renderer, view = self.renderers[i], self.views[i]
-        reference = self.tracing.of(self.subject(view.camera, renderer))
+        reference = self.tracing.of(Subject(self.scene, view.camera, self.size, renderer.settings.bounces))
         return ViewSource(renderer, view, self.auto_exposure.stops, reference, LightScale().up_to(self.brightest), self.origin)
 
-    def subject(self, camera: Camera, renderer: Renderer) -> Subject:
-        return Subject(self.scene, camera, self.size, renderer.settings.bounces)
+    @property
+    def subject(self) -> Subject:
+        """The view of the chosen side, for a reference."""
+        return Subject(self.scene, self.camera, self.size, self.chosen.settings.bounces)
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 

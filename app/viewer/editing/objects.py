@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from irrsplat.app.viewer.view_options import Point, point_of
-from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
+from irrsplat.core.color import LUMINANCE, photometric
 from irrsplat.core.vectors import box, triangle_areas
 from irrsplat.scene.appearance import order
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
@@ -44,9 +44,8 @@ def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, flo
 
 def pixel_of(camera: Camera, size: tuple[int, int], point: tuple[float, float, float]) -> tuple[int, int] | None:
     """Return the pixel of a picture that contains a world point; None for a point outside of the picture."""
-    place = on_screen(camera, size, point)
-    inside = place is not None and all(0.0 <= at < most for at, most in zip(place, size, strict=True))
-    return (int(place[0]), int(place[1])) if place is not None and inside else None
+    x, y = on_screen(camera, size, point) or (-1.0, -1.0)
+    return (int(x), int(y)) if 0.0 <= x < size[0] and 0.0 <= y < size[1] else None
 
 
 COLDEST, HOTTEST = 1700.0, 12_000.0  # kelvin: the range of the slider
@@ -125,9 +124,3 @@ def surface_units(mesh: Mesh, emission: tuple[float, float, float]) -> dict[str,
     luminance = float(photometric(np.asarray(emission, float)))
     area = float(triangle_areas(mesh.positions[mesh.faces].astype(float)).sum())
     return {"cd/m²": luminance, "lumen per side": math.pi * area * luminance}
-
-
-def described(unit: str, value: float) -> str:
-    """Return the quantity of a value in words, and the value in its radiometric unit."""
-    quantity, other = WORDS[unit]
-    return f"{quantity}; {value / LUMINOUS_EFFICACY:.4g} {other}"

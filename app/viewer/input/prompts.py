@@ -101,27 +101,25 @@ class DesktopDialog:
     """The desktop's dialog for a file, one at a time. native: True if the desktop has such a dialog."""
 
     def __init__(self, native: bool) -> None:
-        here = sys.platform in ("win32", "darwin") or any(map(shutil.which, _PROGRAMS))
-        self.native = native and here
-        self._dialog: desktop.open_file | desktop.save_file | None = None
-        self._take: Callable[[str], object] = lambda path: None
+        self.native = native and (sys.platform in ("win32", "darwin") or any(map(shutil.which, _PROGRAMS)))
+        self._open: tuple[desktop.open_file | desktop.save_file, Callable[[str], object]] | None = None  # the dialog, its taker
 
     def request(self, name: str, take: Callable[[str], object], save: bool = False) -> None:
         """Request a scene, or with `save` the name of a file, which may exist. `take` receives the answer."""
-        if self._dialog is None:
-            patterns, self._take = " ".join(f"*{ending}" for ending in FORMATS), take
-            files = ["scenes", "*.scene" if save else patterns]
-            self._dialog = (
-                desktop.save_file("save the scene", name, files) if save else desktop.open_file("open a scene", name, files)
-            )
+        if self._open is None and save:
+            self._open = desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take
+        elif self._open is None:
+            patterns = " ".join(f"*{ending}" for ending in FORMATS)
+            self._open = desktop.open_file("open a scene", name, ["scenes", patterns]), take
 
     def update(self) -> None:
         """Call the taker of the answer, if there is an answer."""
-        if self._dialog is None or not self._dialog.ready(0):
+        if self._open is None or not self._open[0].ready(0):
             return
-        answer, self._dialog = self._dialog.result(), None
+        (dialog, take), self._open = self._open, None
+        answer = dialog.result()
         if chosen := answer if isinstance(answer, str) else next(iter(answer), ""):
-            self._take(chosen)
+            take(chosen)
 
 
 _WIDTH, _ROWS = 560.0, 16  # the greatest width (window coordinates at scale 1) and the most visible entries

@@ -145,8 +145,8 @@ class Display(Owner):
         surface = options.surface
         if not options.why or surface is None or not self.session.views or not ray_caster.available():
             return None
-        inputs, scene = (Identity(renderer.scene), surface), renderer.scene
-        return self._memo.get("point light", inputs, lambda: light_at(scene, renderer.world.caster, *surface))
+        inputs = Identity(renderer.scene), surface
+        return self._memo.get("point light", inputs, lambda: light_at(renderer.scene, renderer.world.caster, *surface))
 
     def light_at(self, point: Point) -> float | None:
         """Return the illuminance at a point in lux, from the left picture; None for a point that is not in view."""

@@ -22,7 +22,7 @@ from irrsplat.app.viewer.show.light.measuring_plane import scene_height
 from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout
 from irrsplat.app.viewer.ui.legends import draw_scale
 from irrsplat.app.viewer.view_options import Point, point_of
-from irrsplat.core.color import linear_from_srgb, srgb
+from irrsplat.core.color import LUMINOUS_EFFICACY, linear_from_srgb, srgb
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.scene import ray_caster
 from irrsplat.scene.model import Material, Mesh
@@ -57,7 +57,8 @@ def edit_outputs(layout: Layout, color: Point, units: Callable[[Point], dict[str
     for unit, value in units(color).items():
         form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
         changed, output = imgui.drag_float(layout.label(unit), value, max(_STEP * value, _STEP), 0.0, 0.0, form)
-        imgui.set_item_tooltip(f"{objects.described(unit, value)}; Ctrl+click: type it")
+        quantity, radiometric = objects.WORDS[unit]
+        imgui.set_item_tooltip(f"{quantity}; {value / LUMINOUS_EFFICACY:.4g} {radiometric}; Ctrl+click: type it")
         if changed and math.isfinite(output) and full[unit]:
             color = scaled(tint, max(output / full[unit], least))
     return color

@@ -34,8 +34,7 @@ def traced_truth(driver: Driver, tracer: Tracer) -> TracedReference:
 
 def here(driver: Driver) -> TracedReference | None:
     """Return the reference of the visible view, or None."""
-    on = driver.session
-    return on.tracing.of(on.subject(on.camera, on.renderers[0]))
+    return driver.session.tracing.of(driver.session.subject)
 
 
 def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,7 +47,7 @@ def test_a_scene_is_opened_and_saved_by_the_dialog_of_the_desktop(
         push(driver, key)
         for _ in range(1000):
             driver.frame()
-            if driver.actions.dialog._dialog is None:
+            if driver.actions.dialog._open is None:
                 return (tmp_path / "asked").read_text()
         pytest.fail("no answer after 1000 frames")
 
