@@ -169,10 +169,6 @@ class Session(Owner):
         """Return the side at `x`, pixels from the left."""
         return int(self.options.split and x >= round(self.options.divider * self.size[0]))
 
-    def place(self, view: View, x: int, y: int) -> tuple[int, int]:
-        """Return the pixel of a view at the window's pixel (x, y). Views of a moving camera may be smaller than the window."""
-        return x * view.image.width // self.size[0], y * view.image.height // self.size[1]
-
     @property
     def chosen(self) -> Renderer:
         """The renderer of the side that keys and panels change."""

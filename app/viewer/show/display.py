@@ -80,20 +80,26 @@ class Display(Owner):
 
     def _inspect(self, screen: Target, cursor: tuple[int, int]) -> InspectedRecord | None:
         """Return the record with the greatest weight under the cursor, and tint its pixels."""
-        session, side = self.session, self.session.side_at(cursor[0])
-        source = session.source(side)
-        number = self.inspector.pick(source, *session.place(source.view, *cursor))
+        side, source, place = self._at(cursor)
+        number = self.inspector.pick(source, *place)
         if number is None:
             return None
-        canvas, renderer = Canvas(screen, self.programs, dict(session.sides()).get(side)), source.renderer
+        canvas, renderer = Canvas(screen, self.programs, dict(self.session.sides()).get(side)), source.renderer
         self.markers.contributes(canvas, source.view, renderer.cache.records, number, renderer.settings)
         return self.inspector.inspect(number, side, source)
 
-    def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
-        """Return the value of a side's buffer under the cursor. It is read again when the buffer or the cursor has changed."""
-        name, source = self.session.options.buffer, self.session.source(side)
-        inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
-        return self._memo.get(f"value of side {side}", inputs, lambda: BUFFERS[name].value(source, *place))
+    def _at(self, cursor: tuple[int, int]) -> tuple[int, ViewSource, tuple[int, int]]:
+        """Return the side at the cursor, its view, and the view's pixel there. Views of a moving camera may be smaller."""
+        side = self.session.side_at(cursor[0])
+        source, (width, height) = self.session.source(side), self.session.size
+        image = source.view.image
+        return side, source, (cursor[0] * image.width // width, cursor[1] * image.height // height)
+
+    def value(self, cursor: tuple[int, int]) -> np.ndarray | None:
+        """Return the value of the buffer under the cursor. It is read again when the buffer or the cursor has changed."""
+        side, source, place = self._at(cursor)
+        buffer = BUFFERS[self.session.options.buffer]
+        return self._memo.get("value", (side, self._inputs(side), cursor), lambda: buffer.value(source, *place))
 
     def profile(self, side: int) -> Profile | None:
         """Return the values of a side's buffer along the measured line; None without a line."""
@@ -109,11 +115,8 @@ class Display(Owner):
         return BUFFERS[self.session.options.buffer].in_view
 
     def _seen(self, cursor: tuple[int, int]) -> tuple[ViewSource, tuple[int, int]] | None:
-        """Return the source of the view at the cursor, and the view's pixel there; None if no view is shown there."""
-        if not self.session.views or not self.shows_scene:
-            return None
-        source = self.session.source(self.session.side_at(cursor[0]))
-        return source, self.session.place(source.view, *cursor)
+        """Return the view at the cursor, and its pixel there; None if no view of the scene is shown."""
+        return self._at(cursor)[1:] if self.session.views and self.shows_scene else None
 
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
         """Return the number of the mesh at the cursor; None if no mesh is there."""

@@ -38,7 +38,7 @@ def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tup
         room = min(max(_ACROSS * (right - left), _WORD * imgui.get_font_size()), _TEXT_WIDTH * layout.scale)
         with imgui_ctx.push_text_wrap_pos(room):
             _draw_legend(actions, side, layout, room)
-            if cursor is not None and session.side_at(cursor[0]) == side and (value := display.value(side, cursor)) is not None:
+            if cursor is not None and session.side_at(cursor[0]) == side and (value := display.value(cursor)) is not None:
                 legend = BUFFERS[session.options.buffer].legend(session.source(side))
                 imgui.text(in_unit(" ".join(f"{v:{legend.form}}" for v in value), legend.unit))
         top = min(top, imgui.get_window_pos().y)
