@@ -252,7 +252,7 @@ class Actions:
         """Close menus, dialogs and messages, and deselect object and light."""
         self.editor.pick_light(None)
         self.session.options.close_menus, self.prompt = True, None
-        self.messages.close()
+        self.messages.lines = []
 
     def find_command(self, all_keys: bool = False) -> None:
         """Open the prompt for an action, a setting or a scene. all_keys: True to begin with the keys of flight and the mouse."""

@@ -59,9 +59,6 @@ class Messages:
     def close_errors(self) -> None:
         self.lines = [m for m in self.lines if not m.error]
 
-    def close(self) -> None:
-        self.lines = []
-
     def attempt(self, act: Callable[[], object]) -> None:
         """Call `act`, and show its error as a message."""
         try:

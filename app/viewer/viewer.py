@@ -167,7 +167,8 @@ class Viewer(Owner):
         layout, options = self.interface.layout, self.session.options
         layout.start(self.backend.scale, options.controls and not options.hidden)
         if picture is not None:
-            self.backend.background(picture, layout.picture)
+            image, place = imgui.ImTextureRef(picture.glo), layout.picture
+            imgui.get_background_draw_list().add_image(image, place[:2], place[2:], (0, 1), (1, 0))  # its bottom row is the first
         self.interface.draw(cursor)
 
     def _tick(self, hurried: bool) -> None:

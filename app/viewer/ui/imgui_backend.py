@@ -7,7 +7,6 @@ from functools import cache
 from importlib import resources
 from typing import cast
 
-import moderngl
 from imgui_bundle import hello_imgui, imgui, implot
 from moderngl_window.context.base.keys import BaseKeys
 
@@ -76,10 +75,6 @@ class ImguiBackend:
         """End the frame, and draw it over the content of the bound framebuffer (sRGB values, bottom row first)."""
         imgui.render()
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
-
-    def background(self, texture: moderngl.Texture, box: tuple[float, float, float, float]) -> None:
-        """Draw a texture (bottom row first) below all windows. box: left, top, right, bottom in window coordinates."""
-        imgui.get_background_draw_list().add_image(imgui.ImTextureRef(texture.glo), box[:2], box[2:], (0, 1), (1, 0))
 
     def key(self, key: int | str, pressed: bool, keys: type[BaseKeys], ctrl: bool, shift: bool, alt: bool) -> None:
         """Send imgui a press or release of one of the window's `keys` (moderngl-window's). Ignore a key without a name in imgui.

@@ -79,7 +79,7 @@ def walk(clip: Clip) -> None:
     actions.toggle("plane")
     while session.plane.share is not None:
         clip.viewer.frame(DT)
-    actions.messages.close()
+    actions.messages.lines = []
     clip.take(5)
 
 
