@@ -144,9 +144,8 @@ class Display(Owner):
 
     def point_light(self) -> PointLight | None:
         """Return the direct light at the clicked surface point; None without such a point."""
-        options, renderer = self.session.options, self.session.renderers[0]
-        surface = options.surface
-        if not options.why or surface is None or not self.session.views or not ray_caster.available():
+        surface, renderer = self.session.options.surface, self.session.renderers[0]
+        if surface is None or not self.session.views or not ray_caster.available():
             return None
         inputs = Identity(renderer.scene), surface
         return self._memo.get("point light", inputs, lambda: light_at(renderer.scene, renderer.world.caster, *surface))

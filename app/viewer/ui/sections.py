@@ -25,7 +25,6 @@ from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.color import LUMINOUS_EFFICACY, linear_from_srgb, srgb
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.scene import ray_caster
-from irrsplat.scene.model import Material, Mesh
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
 
@@ -137,13 +136,6 @@ def draw_object(actions: Actions, layout: Layout) -> None:
     mesh = editor.scene.meshes[number]
     imgui.text_wrapped(objects.object_name(editor.scene, number))
     imgui.text_disabled(f"{len(mesh.faces)} triangles")
-    material = _painted(mesh, layout)
-    if material != mesh.material:
-        actions.attempt(lambda: editor.set_mesh(number, replace(mesh, material=material)))
-
-
-def _painted(mesh: Mesh, layout: Layout) -> Material:
-    """Draw the widgets of a mesh's material; return the material after them."""
     material = mesh.material
     if mesh.colors is None and not material.unlit:
         changed, albedo = edit_colour(layout.label("reflectance"), material.albedo)
@@ -154,8 +146,9 @@ def _painted(mesh: Mesh, layout: Layout) -> Material:
     textured = material.emission_texture is not None or material.filters
     least = _DARKEST if textured and any(emission) else 0.0  # at 0, a textured emitter would need another way of drawing
     emission = edit_outputs(layout, emission, lambda emission: objects.surface_units(mesh, emission), least)
-    emission = edit_tint(layout, "emission colour", emission) if any(emission) else emission
-    return replace(material, emission=emission)
+    material = replace(material, emission=edit_tint(layout, "emission colour", emission) if any(emission) else emission)
+    if material != mesh.material:
+        actions.attempt(lambda: editor.set_mesh(number, replace(mesh, material=material)))
 
 
 def draw_outliner(actions: Actions, layout: Layout) -> None:
