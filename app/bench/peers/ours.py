@@ -1,4 +1,4 @@
-"""irrsplat as a peer, at several values of `a`."""
+"""irrsplat as a peer: the preset `preview`, also coarser, and the default one at several values of `a`."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series, fastest_first
 from irrsplat.app.bench.peers.table import Notify
 from irrsplat.scene.model import Scene
-from irrsplat.settings import SETTINGS, All, Settings, SettingValues
+from irrsplat.settings import PRESETS, SETTINGS, All, Settings, SettingValues
 
-A = (1.1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25)
+A = (0.8, 0.6, 0.5, 0.4, 0.3, 0.25)
 # A record of half the radius has half the error tolerance and twice the gather resolution, so that the gather never limits.
 _WITH_A = ("radius_min", "radius_max", "adapt", "spread")
 
@@ -30,6 +30,13 @@ def _scaled(a: float) -> SettingValues:
     return cast(SettingValues, found)
 
 
+LEVELS: dict[str, SettingValues] = {
+    "preview of 16² rays, a 1.4": PRESETS["preview"] | {"a": 1.4, "gather_size": 16},
+    "preview": PRESETS["preview"],
+    **{f"a {a:.3g}": _scaled(a) for a in A},
+}
+
+
 def measure(
     scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
 ) -> Iterator[Series]:
@@ -39,9 +46,9 @@ def measure(
     first, second = views
     found: list[Measurement] = []
     about = ""
-    for values in map(_scaled, A):
+    for name, values in LEVELS.items():
         with irrsplat.Renderer(scene, size=size, **(values | {"bounces": bounces})) as renderer:
-            notify(f"irrsplat, a {values['a']:.3g}")
+            notify(f"irrsplat, {name}")
             one = bounces == 1
             cases.warm_up(renderer, first.camera, surface=one)
             # a first picture also chooses the sites of the surface cache, which a second one finds
@@ -52,7 +59,7 @@ def measure(
             further_rmse = second.truth.error(renderer.render(second.camera).irradiance)
             about = f"from the loaded scene and compiled shaders, on {renderer.about['renderer']}"
         assert rmse is not None
-        quality = f"a {values['a']:.3g}, {empty.records} records"
+        quality = f"{name}, {empty.records} records"
         found.append(Measurement("irrsplat", quality, empty.processor, rmse, further.processor, further_rmse))
         if rmse <= judging.ENOUGH / 2.0 or empty.processor >= judging.SECONDS:
             break

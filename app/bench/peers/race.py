@@ -42,7 +42,7 @@ def check(args: Namespace) -> None:
     if not any(peer.package and find_spec(peer.package) for peer in PEERS):
         raise IrrsplatError(f"--peers: of {others()} none is installed; run: {INSTALL}")
     if args.preset is not None or args.compare is not None:
-        raise InputError("--peers times the default preset by error, not by case; leave --preset and --compare out")
+        raise InputError("--peers chooses its own presets, by error; leave --preset and --compare out")
     if args.output is not None:
         if os.path.splitext(args.output)[1].lower() != ".png":
             raise InputError("the plot of --peers is a .png", args.output)
