@@ -169,7 +169,7 @@ class Refiner(Owner):
         if surface is None or not surface.may_refine:
             yield
             return known
-        while not gatherer.refine_surface(self._shadows, self._budget):
+        while not surface.refine(self._shadows, self._budget):
             yield
         yield
         changes = np.zeros((0, 3))

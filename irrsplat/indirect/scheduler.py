@@ -71,7 +71,7 @@ class RecordScheduler(Owner):
         kept = self.gatherer.apply(settings, change, shadows)
         if limited and change.dimming is not None and not np.ptp(change.dimming):  # limits depend on ratios of light alone
             self.adaptation.accept(vars(settings), self.adaptation.compared)
-        other_lights = change and change.dimming is None and not self.gatherer.adds_difference
+        other_lights = change and change.dimming is None and self.gatherer.difference is None
         if other_lights or self.settings.most_bounces != bounces:  # light differs otherwise from place to place
             self._checked.forget()
         if kept is not None:

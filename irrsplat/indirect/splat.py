@@ -8,7 +8,7 @@ from itertools import product
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
+from irrsplat.core.buffers import GBuffer, Records, Uniforms
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target
@@ -117,8 +117,3 @@ class SplatPass(Owner):
             **some,
             pixel_stride=pixel_stride,
         )
-
-    def sums(self, luminance_floor: float, pixel_stride: int = 1, reach: moderngl.Texture | None = None) -> SplatBuffer:
-        """Return the present sums, in the pass's own textures. luminance_floor: see Records. reach: see SplatBuffer."""
-        sums, weight = self.target(pixel_stride).textures
-        return SplatBuffer(sums, weight, luminance_floor, pixel_stride, reach)

@@ -127,7 +127,8 @@ class ViewSplats(Owner):
             return drawn.sums
         first = drawn.count if drawn is not None and drawn.inputs == inputs else 0
         self._drawn = None  # a batch counts as drawn once all of it is
-        sums = self.splat_pass.sums(cache.luminance_floor, pixel_stride, reach)
+        values, weight = self.splat_pass.target(pixel_stride).textures
+        sums = SplatBuffer(values, weight, cache.luminance_floor, pixel_stride, reach)
         with self.timers("splat"):
             if first == 0:
                 self.splat_pass.clear(gbuffer, pixel_stride, unlit_sides=unlit)

@@ -109,7 +109,7 @@ class LightMeter(Tenant):
                 self.gatherer.prepare(shadows, Budget(None))
                 surface = self.gatherer.surface
                 while surface is not None and surface.may_refine and self.settings.gather_size >= _FINEST:
-                    self.gatherer.refine_surface(shadows, Budget(None))
+                    surface.refine(shadows, Budget(None))
             defines = {**light_defines(self.scene), "ANYWHERE": 1}
             caster = shadow_caster(self.world, self.settings)
             self._direct = self.own(SiteLightPass(self.ctx, defines, _AT_ONCE, caster))

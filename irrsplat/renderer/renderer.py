@@ -93,34 +93,29 @@ class Renderer(Tenant):
     # ---- the present state ------------------------------------------------------------------------------------------
 
     @property
-    def _state(self) -> State:
-        """The state of the frames: scene, settings, view and progress."""
-        return self._frames.state
-
-    @property
     def scene(self) -> Scene:
         """The scene as it is now: its lights and meshes may have changed since it was loaded."""
-        return self._state.scene.placed(self._origin)
+        return self._frames.state.scene.placed(self._origin)
 
     @property
     def settings(self) -> Settings:
         """The present settings."""
-        return self._state.settings
+        return self._frames.state.settings
 
     @property
     def preset(self) -> str:
         """The preset's name."""
-        return self._state.preset
+        return self._frames.state.preset
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of a view in pixels."""
-        return self._state.size
+        return self._frames.state.size
 
     @property
     def shadows(self) -> ShadowMaps | None:
         """The shadow maps of the scene as it is now; None before they are drawn."""
-        return self.stages.shadows(self._state)
+        return self.stages.shadows(self._frames.state)
 
     @property
     def gbuffer(self) -> GBuffer | None:
@@ -131,8 +126,8 @@ class Renderer(Tenant):
     def notices(self) -> tuple[str, ...]:
         """One-line remarks for a user on parts of the scene that cannot be shown; the scene has notices of its own."""
         return (
-            *tiling.notices(self._state),
-            *gl_limits.shadow_notices(self.ctx, self._state.scene, self.settings.shadow_size),
+            *tiling.notices(self._frames.state),
+            *gl_limits.shadow_notices(self.ctx, self._frames.state.scene, self.settings.shadow_size),
             *self.stages.maps.notices(self.world.runs),
             *self.world.materials.notices,
         )
@@ -140,7 +135,7 @@ class Renderer(Tenant):
     @property
     def splats(self) -> ViewSplats:
         """The splat buffer of the present view."""
-        return self.stages.splats(self._state)
+        return self.stages.splats(self._frames.state)
 
     def composite_pass(self, view: View) -> CompositePass:
         """Return the pass that composites pictures of the size of a `view`."""
@@ -149,12 +144,12 @@ class Renderer(Tenant):
 
     def draw_shadows(self) -> ShadowMaps:
         """Return the shadow maps of the present scene."""
-        return self.stages.draw_shadows(self._state)
+        return self.stages.draw_shadows(self._frames.state)
 
     def draw_gbuffer(self, camera: Camera) -> GBuffer:
         """Return the g-buffer of `camera`; its positions are relative to the scene's origin."""
         check_type("a camera", camera, Camera)
-        return self.stages.draw_gbuffer(self._state, self._seen_by(camera))
+        return self.stages.draw_gbuffer(self._frames.state, self._seen_by(camera))
 
     def read_direct_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
         """Return (H, W, 3) the direct irradiance at pixels' centres, W/m², top row first; 0 without a surface.
@@ -163,18 +158,18 @@ class Renderer(Tenant):
         """
         self._use_whole()
         gbuffer = self.draw_gbuffer(self.scene.camera(camera))
-        found: np.ndarray = pixels(self.stages.direct_irradiance(self._state, gbuffer))[..., :3].copy()
+        found: np.ndarray = pixels(self.stages.direct_irradiance(self._frames.state, gbuffer))[..., :3].copy()
         return found
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:
         """Return the direct irradiance at every pixel of the present `view`, W/m²: a texture."""
         check_type("a view", view, View)
-        return self.stages.direct_irradiance(self._state, view.gbuffer)
+        return self.stages.direct_irradiance(self._frames.state, view.gbuffer)
 
     def _use_whole(self) -> None:
         """Make its context the current one, to draw whole views; raises InputError where they are drawn in tiles."""
         self._use()
-        tiling.check_whole(self._state)
+        tiling.check_whole(self._frames.state)
 
     def _seen_by(self, camera: Camera | str | None) -> Camera:
         """Return a caller's camera relative to the origin."""
@@ -203,7 +198,7 @@ class Renderer(Tenant):
     @property
     def size_in_motion(self) -> tuple[int, int]:
         """Width and height of the next view of a moving camera, pixels."""
-        return self._frames.moving.size(self._state)
+        return self._frames.moving.size(self._frames.state)
 
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
         """Refine a complete view until its estimated relative RMSE of indirect irradiance is at most `target`.
@@ -237,7 +232,7 @@ class Renderer(Tenant):
         self._frames.check_present(view)
         check_callback("on_progress", on_progress)
         samples = int(checked_number("samples", samples, 0.0))
-        return self.stages.accumulate(self._state, view, samples, Budget(seconds), on_progress)
+        return self.stages.accumulate(self._frames.state, view, samples, Budget(seconds), on_progress)
 
     def show(self, view: View, framebuffer: moderngl.Framebuffer, exposure: float | None = None) -> None:
         """Draw the image of a `view` that `frame` gave last into a framebuffer of the same size, such as a window's: exposed,
@@ -274,7 +269,7 @@ class Renderer(Tenant):
         for settings that this OpenGL does not support.
         """
         check_type("what a renderer changes to", settings, Settings)
-        self._change_to(replace(self._state, settings=settings, preset=preset or self.preset))
+        self._change_to(replace(self._frames.state, settings=settings, preset=preset or self.preset))
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Apply other lights.
@@ -282,7 +277,7 @@ class Renderer(Tenant):
         Records are scaled if all light changes by one factor per channel. If few of many lights change, records get the
         difference. Otherwise they are gathered again in place. Raises InputError for too many lights.
         """
-        self._change_to(replace(self._state, scene=replace(self.scene, lights=cast(tuple[Light, ...], lights)).local))
+        self._change_to(replace(self._frames.state, scene=replace(self.scene, lights=cast(tuple[Light, ...], lights)).local))
 
     def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
         """Move a mesh (its index in scene.meshes, or its name) by a 4×4 or 3×4 matrix from its loaded position.
@@ -290,7 +285,7 @@ class Renderer(Tenant):
         Records on the mesh move along. Records within the mesh are removed. Other affected records are gathered again in place.
         Raises InputError for an unknown mesh, and for a matrix that is not affine, or singular.
         """
-        self._change_to(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform).local))
+        self._change_to(replace(self._frames.state, scene=moved(self.scene, self._loaded, mesh, transform).local))
 
     def repaint(self, mesh: int | str, material: Material) -> None:
         """Apply another material to a mesh (its index in scene.meshes, or its name): other colours or another emission.
@@ -300,7 +295,7 @@ class Renderer(Tenant):
         anew.
         """
         check_type("what a mesh is repainted with", material, Material)
-        self._change_to(replace(self._state, scene=repainted(self._state.scene, mesh, material)))
+        self._change_to(replace(self._frames.state, scene=repainted(self._frames.state.scene, mesh, material)))
 
     def pose(self, scene: Scene) -> None:
         """Apply another pose of the scene: meshes moved, repainted or hidden (scene.motion.hidden), other lights, another sky.
@@ -308,11 +303,11 @@ class Renderer(Tenant):
         One call replaces `move`, `repaint` and `relight`, with their errors. Raises InputError for a scene of other meshes.
         """
         check_type("a pose", scene, Scene)
-        self._change_to(replace(self._state, scene=posed(self.scene, scene.relative_to(self._origin)).local))
+        self._change_to(replace(self._frames.state, scene=posed(self.scene, scene.relative_to(self._origin)).local))
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the size (width, height) of views; the records stay. Raises InputError for an unsupported size."""
-        self._change_to(replace(self._state, size=tiling.checked_size(size)))
+        self._change_to(replace(self._frames.state, size=tiling.checked_size(size)))
 
     def _change_to(self, state: State) -> None:
         """Change scene, size or settings; if the change is refused, all of them stay as before."""
@@ -340,7 +335,7 @@ class Renderer(Tenant):
         """
         self._use()
         files.check_file(named(path))
-        scene, scheduler = self._state.scene, self.scheduler
+        scene, scheduler = self._frames.state.scene, self.scheduler
         cache_file.write(path, cache_file.key(scene, scheduler.settings), scheduler.state(), stamp(scene))
 
     def load_cache(self, path: files.Pathlike, update: bool = False) -> str:
@@ -354,7 +349,7 @@ class Renderer(Tenant):
         """
         self._use()
         self._frames.leave_refinement()
-        scene, scheduler = self._state.scene, self.scheduler
+        scene, scheduler = self._frames.state.scene, self.scheduler
         found, reason = cache_file.read(named(path), cache_file.key(scene, scheduler.settings), update)
         scheduler.restore(cache_file.carried_over(found, stamp(scene)) if reason else found.state)
         if reason:
@@ -406,7 +401,8 @@ class Renderer(Tenant):
     def coverage(self, camera: Camera | str | None = None) -> float:
         """Return the share of the pixels with a surface, 0..1, at which `camera` requests no record; the cache stays as it is."""
         self._use_whole()
-        return self._whole.coverage(self._seen_by(camera))
+        self._frames.leave_refinement()
+        return self._frames.frozen(self._seen_by(camera)).progress.coverage
 
     def stats(self, view: View) -> Statistics:
         """Return the statistics that describe a frame's scene, settings and OpenGL renderer; `converge` adds its counts."""

@@ -48,11 +48,6 @@ class WholeRenders:
         done, stats = self._filled(camera, progress)
         return self.stages.draw_picture(self.frames.state, done), stats
 
-    def coverage(self, camera: Camera) -> float:
-        """Return the share of the pixels at which `camera` requests no record, see Renderer.coverage."""
-        self.frames.leave_refinement()
-        return self.frames.frozen(camera).progress.coverage
-
     def _filled(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
         """Return the last round of a view, and its statistics, see `converge`."""
         frames = self.frames

@@ -124,7 +124,7 @@ def test_one_of_many_lights_changes_records_by_its_difference(ctx: moderngl.Cont
         renderer.render()
         for light in (fades, blue, replace(many[5], position=(-0.3, -0.5, 0.3)), off, many[5]):
             renderer.relight((*many[:5], light, *many[6:]))
-            assert renderer.scheduler.gatherer.adds_difference
+            assert renderer.scheduler.gatherer.difference is not None
             if light is off:
                 assert ticks(renderer, 0.01)[-1].done
             renderer.render()

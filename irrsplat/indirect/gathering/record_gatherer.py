@@ -181,12 +181,7 @@ class RecordGatherer(Owner):
         return changed_lights(change) if same and change.relit and self.cache.count else None
 
     @property
-    def adds_difference(self) -> bool:
-        """True while a difference of the light is added to records."""
-        return self._difference is not None
-
-    @property
-    def _difference(self) -> RecordDifference | None:
+    def difference(self) -> RecordDifference | None:
         """The difference between the light of stale records and the scene's; None if records are gathered again."""
         return self._made.find("difference", RecordDifference)
 
@@ -254,15 +249,6 @@ class RecordGatherer(Owner):
         if not (postponed and self.awaits_light):
             self.world.prebuild(self._needs_tree)
         return self._advance(shadows, budget, idle)
-
-    def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Advance the next level of the surface cache within the budget. Return True if the level is complete.
-
-        The caller then corrects records by `correct_by_refinement`.
-        """
-        surface = self.surface_now
-        assert surface is not None
-        return surface.refine(shadows, budget)
 
     def correct_by_refinement(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
         """Correct records of these `numbers` by the difference that the surface cache's last refinement makes, within the budget.
@@ -332,7 +318,7 @@ class RecordGatherer(Owner):
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
         if made:
             self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, from_file=None)
-        ready = surface.result is not None and (surface.complete if self._difference else made or surface.current)
+        ready = surface.result is not None and (surface.complete if self.difference else made or surface.current)
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
@@ -346,7 +332,7 @@ class RecordGatherer(Owner):
         and so the records, have followed the light: other sites add their error alone.
         """
         cache, relit = self.cache, self._basis.relit and surface.current
-        if self._difference is not None:  # the stale records get exactly this difference
+        if self.difference is not None:  # the stale records get exactly this difference
             if before is not None and cache.count:
                 scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
             return
@@ -408,8 +394,8 @@ class RecordGatherer(Owner):
         size: see `gather`.
         """
         done, size = 0, size or self._provisional_side
-        if self._difference is not None and not size:
-            done = self._add(self._difference, self._difference.left(self.cache, numbers), budget)
+        if self.difference is not None and not size:
+            done = self._add(self.difference, self.difference.left(self.cache, numbers), budget)
             numbers = numbers[self.cache.age(numbers) > 0]
             if not len(self.cache.stale):
                 self._made.drop("difference")
