@@ -90,10 +90,6 @@ class Gather(Owner):
         rows[4, :, :3] = eye_positions(sites, self.world.geometry.corners, self.offset)
         return rows
 
-    def _write_frames(self, rows: np.ndarray) -> None:
-        """Write `rows` of the frames (5, N, 4) for the next draw."""
-        self.atlas.frames.write(rows.tobytes(), viewport=(0, 0, rows.shape[1], 5))
-
     @abstractmethod
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """Return the radiance at `sites`, at most `capacity` times `places`, under this light; valid until the next call.

@@ -56,7 +56,7 @@ class PlaneGather(Gather):
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         atlas, count = self.atlas, len(sites)
-        self._write_frames(self._frame_rows(sites, numbers, seed))
+        atlas.frames.write(self._frame_rows(sites, numbers, seed).tobytes(), viewport=(0, 0, count, 5))
         used = (0, 0, self.target.size[0], -(-count // atlas.columns) * atlas.cell[1])
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)

@@ -122,7 +122,7 @@ class TraceGather(Gather):
         # one sample pattern for all places of a record
         rows[:2, :, 3] = sample_offsets(sites.frame_rotations(numbers) // self.places, seed).T
         rows[4, :, 3] = self.steps(sites)
-        self._write_frames(rows)
+        atlas.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 5))
         hits, uniforms = None, self.program.declared({"survey": int(self.survey)})
         if self.first_hits is not None:
             hits = self.first_hits(rows)

@@ -7,7 +7,7 @@ difference separates the tests' own noise, and shows whether records need more r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -23,7 +23,7 @@ _AGAIN = 4  # of so many of them one is gathered again, with four times as many 
 _KEPT = 0.5  # weight of the sums of earlier steps
 _LEAST = 0.4  # of the squared difference of picture and tests: least squared error, since one test in a dark place may dominate
 _BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
-_GAIN = 6.0  # times less is a gather's own squared error where its side is doubled
+GAIN = 6.0  # times less is a gather's own squared error where its side is doubled
 
 
 def blur_of(height: int) -> float:
@@ -80,10 +80,6 @@ class ErrorSums:
         sums = errors.sum(), len(errors), excess.sum(), rays.sum(), len(again)
         before = self.errors, self.count, self.excess, self.rays, self.count_again
         return ErrorSums(*(_KEPT * old + float(new) for old, new in zip(before, sums, strict=True)))
-
-    def doubled(self) -> ErrorSums:
-        """Return the estimate for gathers whose sides are doubled."""
-        return replace(self, rays=self.rays / _GAIN)
 
     @property
     def ratio(self) -> float:

@@ -24,7 +24,7 @@ from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.error_estimate import Check, ErrorSums, blur_of, drawing
+from irrsplat.indirect.error_estimate import GAIN, Check, ErrorSums, blur_of, drawing
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
@@ -116,7 +116,7 @@ class Refiner(Owner):
             aim = max(self._target * check.mean, off / _AIM)
             finer = self._side(doublings + 1) > self._side(doublings)
             if finer and check.mean_uncertainty * tested.ray_ratio > _RAYS * aim**2:
-                tested, doublings = tested.doubled(), doublings + 1
+                tested, doublings = replace(tested, rays=tested.rays / GAIN), doublings + 1
             self.error = off / check.mean if check.mean > 0.0 else 0.0
             surface = gatherer.surface_now
             # the finest surface cache may be off by more than the target; then records need not be much better

@@ -153,7 +153,7 @@ class RecordScheduler(Owner):
             view, ended, settled = self._close(view, screen, shadows, budget, not (scan or side))
             if not ended:
                 return view, 0, False
-        gained = view.need.less_than(view.before)
+        gained = view.need.missing < view.before.missing or view.need.holes < view.before.holes
         view = replace(
             view,
             phase=Phase.SETTLED if settled else Phase.FILL,

@@ -37,10 +37,6 @@ class Need(NamedTuple):
     requests: int = 0
     of: tuple[object, ...] = ()
 
-    def less_than(self, before: Need) -> bool:
-        """True if a view lacks less than `before`."""
-        return self.missing < before.missing or self.holes < before.holes
-
 
 class Queue(NamedTuple):
     """Sites that wait for a gather. near: True if they are as dense as sites may be: their records cover only near surfaces."""

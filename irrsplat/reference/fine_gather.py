@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from irrsplat.core.buffers import HitLight, Sites
+from irrsplat.core.buffers import HitLight
 from irrsplat.core.timing.clock import now
 from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.reduce import ReducePass
@@ -49,9 +49,8 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
     ctx, scene = world.ctx, world.scene
     pixels = chosen(seen, scene, count)
     at = tuple(pixels.T)
-    triangle = None if seen.triangle is None else seen.triangle[at]
     normal = seen.normal if seen.lit_normal is None else seen.lit_normal
-    sites = Sites(seen.position[at], normal[at], seen.geometric[at], triangle)
+    sites = replace(seen.sites(at), normal=normal[at])
     with (
         ShadowPass(ctx) as shadow,
         TraceGather(world, SIDE, capacity=_BATCH, light_samples=_LIGHT_SAMPLES) as gather,

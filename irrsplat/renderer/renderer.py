@@ -371,7 +371,9 @@ class Renderer(Tenant):
         """
         self._use_whole()
         check_callback("progress", progress)
-        return self._whole.converge(self._seen_by(camera), progress)
+        self._frames.leave_refinement()
+        done, stats = self._whole.filled(self._seen_by(camera), progress)
+        return self.stages.draw_picture(self._frames.state, done), stats
 
     def render(
         self,

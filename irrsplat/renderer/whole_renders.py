@@ -42,14 +42,8 @@ class WholeRenders:
 
     # ---- a view ----------------------------------------------------------------------------------------------------
 
-    def converge(self, camera: Camera, progress: OnRound | None) -> tuple[View, Statistics]:
-        """Return the complete view and its statistics, see Renderer.converge."""
-        self.frames.leave_refinement()
-        done, stats = self._filled(camera, progress)
-        return self.stages.draw_picture(self.frames.state, done), stats
-
-    def _filled(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
-        """Return the last round of a view, and its statistics, see `converge`."""
+    def filled(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
+        """Return the last round of a view, and its statistics, see Renderer.converge."""
         frames = self.frames
         frames.timers.clear()
         # every pixel from the start: strided sums need fewer operations, and further rounds
@@ -87,7 +81,7 @@ class WholeRenders:
         return done, stats
 
     def _frozen(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
-        """Return the round of a view by the present records, and its statistics, see `converge`."""
+        """Return the round of a view by the present records, and its statistics, see Renderer.converge."""
         frames, stats = self.frames, _no_rounds()
         frames.timers.clear()
         start = time.perf_counter()
@@ -128,7 +122,7 @@ class WholeRenders:
         tiled = frames.state if self.stages.gbuffer is not None else fitting(frames.state, self.ctx, wanted)
         frames.leave_refinement()
         album = PaperFigures(partial(self.stages.splatted, frames.state, camera), progress)
-        rounds = partial(self._filled if gather else self._frozen, camera, album if figures else progress)
+        rounds = partial(self.filled if gather else self._frozen, camera, album if figures else progress)
         if tiled.tile:
             check_tiled(tiled, figures)
             with self._tiles_of(tiled.tile):
