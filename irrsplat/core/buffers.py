@@ -116,6 +116,11 @@ class GBuffer:
         return self.mapped_normal or self.normal
 
     @property
+    def surface_uniforms(self) -> Uniforms:
+        """Uniforms `position` and `normal`."""
+        return {"position": self.position, "normal": self.normal}
+
+    @property
     def material_uniforms(self) -> Uniforms:
         """Uniforms of generated/gbuffer_material.glsl."""
         return {one.name: getattr(self, one.name) for one in PROPERTIES}

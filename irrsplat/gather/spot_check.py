@@ -97,10 +97,8 @@ class SpotPass(Owner):
         target = self.targets.get("target", size, lambda: Target(self.ctx, size, (4, 4, 4)))
         self.program(
             target,
-            position=gbuffer.position,
-            normal=gbuffer.normal,
-            albedo=gbuffer.albedo,
-            emission=gbuffer.emission,
+            **gbuffer.surface_uniforms,
+            **gbuffer.material_uniforms,
             sums=splats.sums,
             pixel_size=camera.screen / part.whole[1],
             stride=side,

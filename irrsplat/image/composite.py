@@ -94,11 +94,10 @@ class CompositePass(Owner):
             texture.filter = moderngl.NEAREST, moderngl.NEAREST  # the filters of other readers
         levels = max(self.size).bit_length()
         light: Uniforms = {"sums": SampledTexture(sums, self.mipmapped), "direct": SampledTexture(direct, self.mipmapped)}
-        seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal}
         sky = backdrop.sky_uniforms
         fill = self.fills[sky_defines(sky)["SKY_MAP"]]
         for band in bands(self.size):
-            fill(self.fill_target, scissor=band, levels=levels, **light, **seen, **sky)
+            fill(self.fill_target, scissor=band, levels=levels, **light, **gbuffer.surface_uniforms, **sky)
             stop_for_input(self.target.ctx)
         return self.fill_target.textures[0]
 

@@ -58,11 +58,6 @@ class Examination:
     weight: np.ndarray
 
     @property
-    def requesting(self) -> int:
-        """The number of tiles that request a record."""
-        return int(np.count_nonzero(self.requests))
-
-    @property
     def holes(self) -> int:
         """The number of tiles with a pixel that no record covers."""
         return int(np.count_nonzero((self.requests > 0.0) & (self.weight <= 0.0)))
@@ -125,10 +120,8 @@ class ExaminePass(Owner):
             first_tile=tuple(-first // side for first in begin),
             begin=tuple(begin),
             end=end,
-            position=gbuffer.position,
-            normal=gbuffer.normal,
-            albedo=gbuffer.albedo,
-            emission=gbuffer.emission,
+            **gbuffer.surface_uniforms,
+            **gbuffer.material_uniforms,
             weight=splats.weight,
             sums=splats.sums,
             **refined,

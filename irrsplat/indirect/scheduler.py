@@ -118,8 +118,8 @@ class RecordScheduler(Owner):
         """Return the examination of the view, and its need."""
         found = screen.examine(settings)
         # a quarter of the tiles requests a record if only every other pixel is examined
-        requests, of = found.requesting * screen.pixel_stride**2, (screen.sums, settings.request_criteria)
-        return found, Need(found.missing, found.holes, requests, of)
+        requests = int(np.count_nonzero(found.requests)) * screen.pixel_stride**2
+        return found, Need(found.missing, found.holes, requests, (screen.sums, settings.request_criteria))
 
     def gather_missing(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0

@@ -112,8 +112,7 @@ class SplatPass(Owner):
             **view_radius_uniforms(camera, self.size, settings),
             pixel=camera.pixel(self.size) * pixel_stride,
             forward=-camera.axes[2],
-            position=gbuffer.position,
-            normal=gbuffer.normal,
+            **gbuffer.surface_uniforms,
             **some,
             pixel_stride=pixel_stride,
         )

@@ -91,8 +91,7 @@ class TemporalFilter(Owner):
                 now,
                 scissor=band,
                 state=DrawState(depth="1"),  # where nothing is filled, too: each state of a program compiles anew
-                position=gbuffer.position,
-                normal=gbuffer.normal,
+                **gbuffer.surface_uniforms,
                 sums=splats.sums,
                 pixel_stride=stride,
                 **before,
@@ -102,7 +101,7 @@ class TemporalFilter(Owner):
             )
             stop_for_input(self.ctx)  # the last picture stays in the other target
         if surface is not None:
-            seen = {name: getattr(gbuffer, name) for name in ("position", "normal", "albedo", "emission")}
+            seen: Uniforms = {**gbuffer.surface_uniforms, **gbuffer.material_uniforms}
             self.fill(now, state=DrawState(depth="<", depth_write=False), **seen, pixel_stride=stride, **surface)
         self._shown = _Shown(now, camera, subject, scene, left)
         return replace(splats, sums=now.textures[0]) if left or filling else splats

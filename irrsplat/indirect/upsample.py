@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import moderngl
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer
@@ -35,7 +33,7 @@ class UpsamplePass(Owner):
 
         Raises InputWaits between two draws.
         """
-        seen: dict[str, Any] = {"position": gbuffer.position, "normal": gbuffer.normal}
+        seen = gbuffer.surface_uniforms
         self.squares(self.target, **seen, sums=splats.sums, weight=splats.weight)
         stop_for_input(self.ctx)
         irradiance, planes = self.target.textures

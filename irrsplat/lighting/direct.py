@@ -54,8 +54,7 @@ class DirectPass(Owner):
         """
         target = target or self.target
         uniforms: Uniforms = {
-            "position": gbuffer.position,
-            "normal": gbuffer.normal,
+            **gbuffer.surface_uniforms,
             "picture_corner": gbuffer.corner,
             "rotation": rotation,
             **gbuffer.material_uniforms,

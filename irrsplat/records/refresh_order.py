@@ -42,8 +42,7 @@ class RefreshOrder(Owner):
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             **view_radius_uniforms(camera, (width, height), settings),
             pixel=camera.pixel((width, height)),
-            position=gbuffer.position,
-            normal=gbuffer.normal,
+            **gbuffer.surface_uniforms,
         )
         pixels: np.ndarray = np.frombuffer(target.textures[0].read(), "f4")[: records.count]
         return pixels
