@@ -18,7 +18,6 @@ WORTH = 4.0  # rays per next-event sample of equal value: near an emitter's rim 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # golden section, whose multiples fill 0..1 evenly
 PLASTIC = 0.7548776662466927  # inverse of the plastic number; its multiples and those of GOLDEN fill a square evenly
 SQUARE_STEPS = PLASTIC, PLASTIC**2  # whose multiples fill a square evenly (Roberts 2018)
-GOLDEN_ANGLE = 2.39996323  # radians between successive points of a spiral
 SHORT = 1e-4  # of the distance: margin of a shadow ray before the emitter
 ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: largest distance of a float32 position from its surface
 SKY_RAY_TEXELS = 3.0  # sky texels per ray's solid angle: interpolation widens one texel to the whole
@@ -26,28 +25,20 @@ COVERED = 1e-13  # Σ k of a pixel below which only records within closed meshes
 BRIGHT = 32.0  # times the luminance floor: errors at greater luminances count less than in proportion
 FALSE_COLOURS = 64  # entries of the viewer's scale of light
 
+_SHARED = (
+    "TABLE_COLUMNS NEIGHBOUR_STRIDE TWELVE_BITS MAX_EMITTER_CLUSTERS EYES_BESIDE WORTH GOLDEN PLASTIC SHORT ROUNDING "
+    "SKY_RAY_TEXELS COVERED BRIGHT FALSE_COLOURS"
+)
+
 CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "PI": math.pi,
     "INV_PI": 1.0 / math.pi,
     "LUMINANCE": tuple(float(str(weight)) for weight in LUMINANCE),
     "MID_GREY": MID_GREY,
     "DARKEST": DARKEST,
-    "TABLE_COLUMNS": TABLE_COLUMNS,
+    **{name: globals()[name] for name in _SHARED.split()},
     "TABLE_SHIFT": TABLE_COLUMNS.bit_length() - 1,
-    "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,
-    "TWELVE_BITS": TWELVE_BITS,
-    "MAX_EMITTER_CLUSTERS": MAX_EMITTER_CLUSTERS,
-    "EYES_BESIDE": EYES_BESIDE,
-    "WORTH": WORTH,
-    "GOLDEN": GOLDEN,
-    "PLASTIC": PLASTIC,
-    "GOLDEN_ANGLE": GOLDEN_ANGLE,
-    "SHORT": SHORT,
-    "ROUNDING": ROUNDING,
-    "COVERED": COVERED,
-    "BRIGHT": BRIGHT,
-    "FALSE_COLOURS": FALSE_COLOURS,
-    "SKY_RAY_TEXELS": SKY_RAY_TEXELS,
+    "GOLDEN_ANGLE": 2.39996323,  # radians between successive points of a spiral
     "NOTHING_SEEN": NOTHING_SEEN,
     "LIGHT_ROWS": LIGHT_ROWS,
     "LUMINAIRE_ROWS": LUMINAIRE_ROWS,
