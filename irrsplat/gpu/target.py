@@ -111,6 +111,7 @@ class Target(Owner):
         self.size = size
         self.textures = [self.own(float_texture(ctx, size, n)) for n in components] if textures is None else list(textures)
         self.depth = depth_attachment or (self.own(depth_texture(ctx, size)) if depth else None)
+        self._outputs = len(self.textures)
         try:
             self.gl = self.own(ctx.framebuffer(self.textures, self.depth))
         except moderngl.Error as error:  # drivers report this when textures could not be allocated
@@ -118,16 +119,11 @@ class Target(Owner):
             found = f"OpenGL takes no {size[0]}x{size[1]} pixels ({error})"
             raise GLError(f"{found}: memory may not suffice; take a smaller size") from None
 
-    def use(
-        self,
-        viewport: tuple[int, int, int, int] | None = None,
-        scissor: tuple[int, int, int, int] | None = None,
-        depth_write: bool = True,
-    ) -> None:
+    def use(self, viewport: Region | None = None, scissor: Region | None = None, depth_write: bool = True) -> None:
         """Bind for drawing, with the whole area as viewport by default, and an optional scissor."""
         self.gl.viewport = viewport or (0, 0, *self.size)
         self.gl.scissor = scissor  # type: ignore[assignment]
-        self.gl.color_mask = (True,) * 4 if len(self.textures) == 1 else ((True,) * 4,) * len(self.textures)  # type: ignore[assignment]
+        self.gl.color_mask = (True,) * 4 if self._outputs == 1 else ((True,) * 4,) * self._outputs  # type: ignore[assignment]
         self.gl.depth_mask = depth_write
         self.gl.use()
 
@@ -153,16 +149,8 @@ class Screen(Target):
     def __init__(self, framebuffer: moderngl.Framebuffer, size: tuple[int, int] | None = None) -> None:
         self.ctx = framebuffer.ctx
         self.size = size or framebuffer.size
-        self.textures, self.depth = [], None
+        self.textures, self.depth, self._outputs = [], None, 1
         self.gl = framebuffer
-
-    def use(self, viewport: Region | None = None, scissor: Region | None = None, depth_write: bool = True) -> None:
-        """Bind for drawing, like Target.use."""
-        self.gl.viewport = viewport or (0, 0, *self.size)
-        self.gl.scissor = scissor  # type: ignore[assignment]
-        self.gl.color_mask = (True,) * 4
-        self.gl.depth_mask = depth_write
-        self.gl.use()
 
     def release(self) -> None:
         """Do nothing: the owner frees the framebuffer."""
