@@ -51,7 +51,7 @@ class World(Owner):
         self.unlit_interiors = unlit_interiors(scene)
         self._made = self.own(Workshop())  # the tables of triangles and of the tree
         self.derived = self.own(Workshop())  # resources that other modules derive from the scene, freed with it
-        self._scene = scene
+        self.scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None: the GPU holds an incomplete update
         self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None  # and the meshes that they are of
         self._pending_tree: Future[Bvh] | None = None
@@ -93,27 +93,22 @@ class World(Owner):
         """Defines of shaders that use the uniforms for hits and rays."""
         return self.materials.defines
 
-    @property
-    def scene(self) -> Scene:
-        """The current scene."""
-        return self._scene
-
     def shows(self, scene: Scene) -> bool:
         """True if all GPU data belong to this scene."""
-        return self._scene is scene and self._uploaded is scene.meshes
+        return self.scene is scene and self._uploaded is scene.meshes
 
     @property
     def parts(self) -> SceneParts:
         """The scene's parts for culling; the same object until a mesh moves."""
-        if self._parts is None or self._parts[0] is not self._scene.meshes:
-            self._parts = self._scene.meshes, SceneParts.of(self._scene)
+        if self._parts is None or self._parts[0] is not self.scene.meshes:
+            self._parts = self.scene.meshes, SceneParts.of(self.scene)
         return self._parts[1]
 
     @property
     def triangles(self) -> TriangleTable:
         """Triangle table for shaders, made at first use. Raises InputError if the GPU cannot hold it."""
         counts = self.geometry.counts
-        return self._made.get("triangles", (), lambda: TriangleTable(self.ctx, *flatten(self._scene), counts))
+        return self._made.get("triangles", (), lambda: TriangleTable(self.ctx, *flatten(self.scene), counts))
 
     @property
     def tree(self) -> BvhTable:
@@ -156,8 +151,8 @@ class World(Owner):
     def _caster_build(self) -> Future[RayCaster]:
         """Return the build of `caster`, in a thread if it takes long."""
         if self._pending_caster is None:
-            vertices, faces = flatten(self._scene)
-            holes = Holes(self._scene, vertices, faces) if self.geometry.counts.cut_out else None
+            vertices, faces = flatten(self.scene)
+            holes = Holes(self.scene, vertices, faces) if self.geometry.counts.cut_out else None
             self._pending_caster = self._in_background(
                 partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit], holes)
             )
@@ -205,7 +200,7 @@ class World(Owner):
         """
         scene = change.new
         if self._uploaded is not scene.meshes:
-            if change.repainted and not numbered_alike(self._scene, scene):
+            if change.repainted and not numbered_alike(self.scene, scene):
                 raise InputError(
                     "a mesh cannot get a material by which light passes it otherwise, or by which it is drawn otherwise; load "
                     "the scene anew with it"
@@ -235,7 +230,7 @@ class World(Owner):
                 self.runs = found
             self._uploaded = scene.meshes
         self.unlit_interiors = unlit_interiors(scene)
-        self._scene = scene
+        self.scene = scene
 
 
 class PartlyLitWorld(World):
@@ -247,6 +242,6 @@ class PartlyLitWorld(World):
         dark, meshes = (0.0, 0.0, 0.0), world.scene.meshes
         if world.scene.emissive:
             meshes = tuple(replace(mesh, material=replace(mesh.material, emission=dark)) for mesh in meshes)
-        self._scene = replace(world.scene, lights=lights, meshes=meshes, sky=dark, sky_gradient=dark, environment=None)
+        self.scene = replace(world.scene, lights=lights, meshes=meshes, sky=dark, sky_gradient=dark, environment=None)
         self.materials, self.derived = world.materials.without_emission(), self.own(Workshop())
         self.own(self.materials.texture)  # the layers of textures are shared
