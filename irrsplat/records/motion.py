@@ -28,7 +28,7 @@ def _of_moved(triangle: np.ndarray, change: SceneChange) -> Iterator[tuple[Mesh,
     for mesh in in_order(change.old):
         first[id(mesh)] = start
         start += len(mesh.faces)
-    for old, new in change.moved_pairs:
+    for old, new in ((change.old.meshes[i], change.new.meshes[i]) for i in change.moved):
         if len(old.faces):
             inside = triangle - first[id(old)]
             yield old, new, (inside >= 0) & (inside < len(old.faces)), inside

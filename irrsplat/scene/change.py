@@ -42,11 +42,6 @@ class SceneChange:
         """The change from `new` to `old`."""
         return replace(self, old=self.new, new=self.old)
 
-    @property
-    def moved_pairs(self) -> list[tuple[Mesh, Mesh]]:
-        """The moved meshes, each before and after."""
-        return [(self.old.meshes[i], self.new.meshes[i]) for i in self.moved]
-
     def __bool__(self) -> bool:
         """True if anything differs."""
         return bool(self.moved or self.repainted) or self.relit or self.other_sky
