@@ -9,7 +9,8 @@ import PIL.Image
 import pytest
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.images import find_file, read_image
+from irrsplat.scene.io.images import find_file
+from tests.support.gltf_files import read_image
 
 RGBA = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255]], [[10, 20, 30], [9, 9, 9], [0, 0, 0]]], np.uint8)
 RGBA = np.dstack([RGBA, np.full((2, 3), 255, np.uint8)])

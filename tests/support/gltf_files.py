@@ -1,4 +1,4 @@
-"""Writer of small glTF files from arrays."""
+"""Writer of small glTF files from arrays, and reader of one image."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ from typing import Any
 
 import numpy as np
 import PIL.Image
+
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.images import read_images
+from irrsplat.scene.model import Image
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)  # a tetrahedron, wound outward
@@ -111,3 +115,11 @@ def encoded(pixels: np.ndarray, kind: str = "PNG") -> bytes:
     stream = io.BytesIO()
     PIL.Image.fromarray(pixels).save(stream, kind, **({"lossless": True, "exact": True} if kind == "WebP" else {}))
     return stream.getvalue()
+
+
+def read_image(data: bytes, name: str) -> Image:
+    """Return the image of a file with these bytes; raise the error of `read_images`."""
+    (found,) = read_images([(data, name)])
+    if isinstance(found, InputError):
+        raise found
+    return found

@@ -33,24 +33,13 @@ _FORMATS = tuple("AVIF BMP DDS DIB GIF ICO JPEG JPEG2000 MPO PCX PNG PPM PSD SGI
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
-def read_image(data: bytes, name: str) -> Image:
-    """Decode a PNG, JPEG, WebP, BMP, TGA, TIFF, GIF or KTX2 file to (H, W, 4) uint8, the first of several frames.
-
-    Palettes, greys, 16 bits and CMYK become 8-bit sRGB with alpha; floats count as linear. Orientation tags and colour profiles
-    are ignored, as glTF requires. name: for the message.
-    Raises InputError, one line without a place, for a broken image, one of more than 16384² pixels, and where the images of the
-    scene have more pixels than `paths.take_pixels` allows.
-    """
-    (found,) = read_images([(data, name)])
-    if isinstance(found, InputError):
-        raise found
-    return found
-
-
 def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:
-    """Return the image or the error of `read_image` for the bytes and name of each file, decoded on all processors.
+    """Decode PNG, JPEG, WebP, BMP, TGA, TIFF, GIF or KTX2 files, bytes and name of each, on all processors.
 
-    Files with equal bytes share one image.
+    An image has (H, W, 4) uint8, of the first of several frames. Palettes, greys, 16 bits and CMYK become 8-bit sRGB with alpha;
+    floats count as linear. Orientation tags and colour profiles are ignored, as glTF requires. Files with equal bytes share one
+    image. An error, one line without a place, stands for a broken image, for one of more than 16384² pixels, and for one that
+    exceeds the pixels that `paths.take_pixels` allows.
     """
 
     def found(file: tuple[bytes, str]) -> Image | InputError:

@@ -26,7 +26,6 @@ from irrsplat.core.paths import within
 from irrsplat.records import cache_file
 from irrsplat.scene.camera_path import load_path
 from irrsplat.scene.io.gltf.reader import load_gltf
-from irrsplat.scene.io.images import read_image
 from irrsplat.scene.io.lights.ies import load_ies
 from irrsplat.scene.io.lights.light_text import LightReader
 from irrsplat.scene.io.obj.mtl import MaterialFiles
@@ -36,6 +35,7 @@ from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.settings import SETTINGS, Settings
 from irrsplat.sky.cie import CieSky
 from irrsplat.sky.map_file import read_map
+from tests.support.gltf_files import read_image
 
 LONGEST = 4000  # characters of a message
 WHOLE = 64  # one scene in WHOLE has a sky of full size and is finished as by `load`, the slowest steps

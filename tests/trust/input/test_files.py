@@ -20,8 +20,8 @@ from irrsplat.core import paths
 from irrsplat.core.errors import InputError
 from irrsplat.records import cache_file
 from irrsplat.scene.io import images
-from irrsplat.scene.io.images import read_image, read_images
-from tests.support.gltf_files import POINTS, GltfFile
+from irrsplat.scene.io.images import read_images
+from tests.support.gltf_files import POINTS, GltfFile, read_image
 from tests.trust.fuzz import readers
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
