@@ -25,6 +25,7 @@ from irrsplat.surface_cache import site_layout, site_rays, tessellation
 from tests.support.counted_clock import CountedClock
 from tests.support.crashes import pytest_configure, pytest_handlecrashitem  # noqa: F401  hooks
 from tests.support.viewing import Driver, fresh, viewing, write_room
+from tests.support.worlds import shared
 
 # Each of several test processes draws with llvmpipe, the software renderer, in the calling thread. llvmpipe reads this variable
 # when OpenGL starts. With even one thread of llvmpipe, Mesa 22.3 may free a fence during its unlocking and zero freed memory.
@@ -68,9 +69,8 @@ def clock() -> Iterator[CountedClock]:
 @pytest.fixture
 def ctx() -> Iterator[moderngl.Context]:
     """Make the session's OpenGL context current, because an earlier test may have left another one current."""
-    shared = context.shared()
-    with shared:
-        yield shared
+    with shared() as made:
+        yield made
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def software(ctx: moderngl.Context) -> bool:
 @pytest.fixture(autouse=True)
 def no_gl_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Fail a test that leaves an OpenGL error in the shared context or in a context of its own."""
-    contexts: list[moderngl.Context] = [context.shared()] if context.shared.cache_info().currsize else []
+    contexts: list[moderngl.Context] = [shared()] if shared.cache_info().currsize else []
     for one in contexts:
         one.gc_mode = "context_gc"
         with one:

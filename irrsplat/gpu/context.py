@@ -258,9 +258,3 @@ def describe(ctx: moderngl.Context) -> Description:
         "software": any(name in renderer.lower() for name in ("llvmpipe", "softpipe", "swrast", "swiftshader")),
         "max_texture_size": int(info["GL_MAX_TEXTURE_SIZE"]),
     }
-
-
-@cache
-def shared() -> moderngl.Context:
-    """Return the context that tests and short scripts share until the process ends."""
-    return create()

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 
 import irrsplat
 from irrsplat.gather.record_frame import offset_of
-from irrsplat.gpu import context
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.readings import Readings
 from irrsplat.scene.model import Camera, Mesh, Scene
-from tests.support.worlds import box, floor, material, point_light, polygon_vector, quad, scene
+from tests.support.worlds import box, floor, material, point_light, polygon_vector, quad, scene, shared
 
 ONE_MM_TO_3_M = st.floats(-3.0, 0.477).map(lambda power: 10.0**power)
 SIDES = st.tuples(*[st.floats(2.0, 6.0)] * 3)
@@ -74,7 +73,7 @@ class Elsewhere:
 
 def read(world: Scene, points: np.ndarray, normals: Any, **values: Any) -> Readings:
     """Return the readings of a meter; fail for a NaN or negative value."""
-    with context.shared() as ctx, LightMeter(world, ctx=ctx, **{"gather_size": 16, "light_samples": 256} | values) as meter:
+    with shared() as ctx, LightMeter(world, ctx=ctx, **{"gather_size": 16, "light_samples": 256} | values) as meter:
         found = meter.measure(points, normals)
     assert (found.total >= 0.0).all()  # false for NaN
     return found

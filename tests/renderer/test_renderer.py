@@ -13,12 +13,11 @@ import irrsplat
 from irrsplat import Frame, Renderer
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError
-from irrsplat.gpu import context
 from irrsplat.gpu.target import Target
 from irrsplat.image.frame import check_names
 from irrsplat.renderer import whole_renders
 from irrsplat.scene.model import Camera, Scene
-from tests.support.worlds import box, floor, material, point_light, quad, scene
+from tests.support.worlds import box, floor, material, point_light, quad, scene, shared
 
 FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "shadow_size": 64}
 SIZE = (48, 40)
@@ -43,7 +42,7 @@ def renderer() -> Iterator[Renderer]:
 
 def rendered(world: Scene, size: tuple[int, int] = SIZE, camera: Camera | None = None, **settings: Any) -> Frame:
     """Return the view of a new renderer with FAST settings, in the shared context."""
-    ctx = context.shared()
+    ctx = shared()
     with ctx, Renderer(world, size, ctx=ctx, **{**FAST, **settings}) as one:
         return one.render(camera)
 

@@ -13,12 +13,11 @@ import numpy as np
 
 import irrsplat
 from irrsplat.core.buffers import Sites
-from irrsplat.gpu import context
 from irrsplat.indirect.paper_scan import Seen, read_back
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from tests.support.truth import scene_hash
-from tests.support.worlds import Lit
+from tests.support.worlds import Lit, shared
 
 FILE = Path(__file__).with_suffix(".npz")
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
@@ -63,7 +62,7 @@ def load(name: str, world: Scene) -> Bends:
 def main() -> None:
     """Write the file: the reference around random smooth pixels."""
     world = irrsplat.load("cornell")
-    with context.shared() as ctx, Lit(ctx, world, Settings().shadow_size) as lit:
+    with shared() as ctx, Lit(ctx, world, Settings().shadow_size) as lit:
         view = seen(ctx, world, SIZE)
         pixels = np.random.default_rng(2).permutation(np.argwhere(view.smooth(0.002 * world.diagonal)))[:PIXELS]
         E = [lit.gather(sites_at(view, pixels + step), 222).E @ LUMINANCE for step in np.array(ROUND)]

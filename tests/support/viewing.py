@@ -30,7 +30,6 @@ from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.core.timing import other_process
-from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Region, Target
 from irrsplat.image.frame import Frame
@@ -42,6 +41,7 @@ from irrsplat.reference.truth import Traced
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import SettingValues, preset
+from tests.support.worlds import shared
 
 SIZE = (320, 240)
 FAST: SettingValues = {
@@ -121,7 +121,7 @@ class ShownView(Owner):
 def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), **settings: object) -> ShownView:
     """Return the first camera's view after `rounds` rounds of gathering, in the shared context."""
     quick: dict[str, Any] = {"bounces": 1, "gather_size": 16, "shadow_size": 128} | settings
-    renderer = Renderer(scene, size, ctx=context.shared(), **quick)
+    renderer = Renderer(scene, size, ctx=shared(), **quick)
     for _ in range(rounds):
         renderer.frame()
     view, _ = renderer.frame(gather=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from irrsplat.core.record_layout import COLUMNS, TEXTURES, pack
 from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.kinds import gather_pass
 from irrsplat.gather.reduce import ReducePass
+from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import float_texture, table_texture
 from irrsplat.gpu.world import World
@@ -29,6 +31,12 @@ from irrsplat.settings import Settings
 FAILURES = Path(__file__).resolve().parents[1] / "failures"
 Vector = Iterable[float]
 ABOVE = Camera((0.0, 4.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 45.0)  # straight down at the origin
+
+
+@cache
+def shared() -> moderngl.Context:
+    """Return the context that tests share until the process ends."""
+    return context.create()
 
 
 def material(albedo: float | tuple[float, float, float] = 0.5, emission: float | tuple[float, float, float] = 0.0) -> Material:

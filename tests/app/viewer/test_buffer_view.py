@@ -15,7 +15,6 @@ from irrsplat.app.viewer.buffers.table import BUFFERS, OF_REFERENCE, weight_rang
 from irrsplat.app.viewer.show.record_inspector import RecordInspector
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import photometric
-from irrsplat.gpu import context
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import show, tonemap, viridis
 from irrsplat.meter.light_scale import LightScale, false_colours
@@ -24,6 +23,7 @@ from irrsplat.scene.model import Light
 from irrsplat.sky.environment import Environment
 from tests.support import worlds
 from tests.support.viewing import ShownView, shown_view
+from tests.support.worlds import shared
 
 SIZE = (97, 61)
 UNTOUCHED = (0.25, 0.5, 0.75)
@@ -32,17 +32,17 @@ UNTOUCHED = (0.25, 0.5, 0.75)
 @pytest.fixture(scope="module")
 def shared_cornell() -> Iterator[ShownView]:
     """Provide the Cornell box after two rounds of gathering; some pixels still lack records."""
-    with context.shared():
+    with shared():
         made = shown_view(irrsplat.load("cornell"))
     yield made
-    with context.shared():
+    with shared():
         made.release()
 
 
 @pytest.fixture
 def cornell(shared_cornell: ShownView) -> Iterator[ShownView]:
     """Provide the shared view with its context current; tests must not change the view."""
-    with context.shared():
+    with shared():
         yield shared_cornell
 
 

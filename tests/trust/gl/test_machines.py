@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from irrsplat.gpu import context
+from tests.support.worlds import shared
 
 ROOT = Path(__file__).resolve().parents[3]
 LAVAPIPE = sorted(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
@@ -30,7 +31,7 @@ EDGES = 0.02  # share of the pixels that may show another surface: edge pixels d
 
 pytestmark = [
     pytest.mark.long,
-    pytest.mark.skipif("Mesa" not in context.describe(context.shared())["version"], reason="Mesa's environment variables"),
+    pytest.mark.skipif("Mesa" not in context.describe(shared())["version"], reason="Mesa's environment variables"),
 ]
 
 

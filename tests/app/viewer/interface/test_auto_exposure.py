@@ -9,7 +9,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer.session import Session
-from irrsplat.gpu import context
+from tests.support.worlds import shared
 
 
 @pytest.mark.few_sites
@@ -18,8 +18,8 @@ def test_a_dark_scene_is_exposed_as_a_bright_one() -> None:
     scene = irrsplat.load("cornell")
     dark = [replace(light, color=cast(Any, tuple(2.0**-13 * c for c in light.color))) for light in scene.lights]
     values: Any = {"gather_size": 8, "viewer_samples": 0, "viewer_quality": 0.0}
-    with context.shared():
-        session = Session(context.shared(), replace(scene, lights=tuple(dark)), (32, 32), values=values)
+    with shared():
+        session = Session(shared(), replace(scene, lights=tuple(dark)), (32, 32), values=values)
         filling = list[float]()
         session.tick(0.0, 0.0)  # the picture has direct light alone
         while not session.at_rest:
