@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from irrsplat.scene.io.defaults import with_sky
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Scene, sun_lights
 from irrsplat.sky.cie import CieSky
-from irrsplat.sky.environment import Environment
-from irrsplat.sky.sky_text import Sky
+from irrsplat.sky.environment import Environment, frame_of
 from irrsplat.sky.sphere import solid_angles, texel_directions
 from irrsplat.sky.split import split
 
@@ -19,12 +17,18 @@ from irrsplat.sky.split import split
 def mapped(scene: Scene, radiance: np.ndarray, turn: float = 0.0) -> Scene:
     """Return the scene under an equirectangular map (H, W, 3), as from a file; up is y."""
     light, suns = split(radiance.astype("f4"))
-    return with_sky(Sky(environment=Environment(radiance.astype("f4"), light, suns), turn=turn), scene, np.eye(3))
+    return _under(scene, Environment(radiance.astype("f4"), light, suns), turn)
 
 
 def cie(scene: Scene, sky: CieSky) -> Scene:
     """Return the scene under a CIE sky; up is y."""
-    return with_sky(Sky(environment=sky.environment("CIE")), scene, np.eye(3))
+    return _under(scene, sky.environment("CIE"))
+
+
+def _under(scene: Scene, sky: Environment, turn: float = 0.0) -> Scene:
+    """Return the scene under a sky, whose suns are added to the lights. turn: degrees of its north."""
+    environment = replace(sky, frame=frame_of(np.eye(3), turn))
+    return replace(scene, environment=environment, lights=(*scene.lights, *sun_lights(environment)))
 
 
 def without_lights(scene: Scene) -> Scene:

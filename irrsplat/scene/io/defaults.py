@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import Vector, vector
 from irrsplat.scene.model import Camera, Light, Mesh, Scene, sun_lights
@@ -48,9 +46,9 @@ def finish(
         if up is not None:
             raise InputError(f"{why}; nothing is left to show", path)
         notices.append(f"{path}: {why}; its sky alone is shown")
-    radiance, sky_files = ((0.0, 0.0, 0.0), ()) if sky is None else (sky.radiance, sky.files)
-    scene = Scene(meshes, tuple(lights), tuple(cameras), radiance, path.stem, str(path), origin=origin).local
-    scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files, *sky_files))))
+    given = sky or Sky()
+    scene = Scene(meshes, tuple(lights), tuple(cameras), given.radiance, path.stem, str(path), origin=origin).local
+    scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files, *given.files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
     scene = replace(scene, up=vector(world[1] + 0.0), own_sky=sky is not None or up is None)
     main_part = scene if cameras else subject(scene)
@@ -81,17 +79,10 @@ def finish(
             notices.append(f"{path}: only directional light; added a sky that is brighter above")
             mean, gradient = light.fill_sky(scene)
             scene = replace(scene, sky=mean, sky_gradient=gradient)
-    if sky is not None:
-        scene = with_sky(sky, scene, world)
-        notices += sky.notices
+    notices += given.notices
+    if given.environment is not None:
+        environment = replace(given.environment, frame=frame_of(world, given.turn))
+        scene = replace(scene, environment=environment, lights=(*scene.lights, *sun_lights(environment)))
     if meshes and not face_counts(scene).lit:
         notices.append(f"{path}: all materials transmit most of the light; only their tints are shown")
     return replace(scene, notices=tuple(notices)).placed(origin)
-
-
-def with_sky(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
-    """Return the scene under a sky, whose suns are added to the lights. world: (3, 3) rows right, up and front."""
-    if sky.environment is None:
-        return replace(scene, sky=sky.radiance)
-    environment = replace(sky.environment, frame=frame_of(world, sky.turn))
-    return replace(scene, environment=environment, lights=(*scene.lights, *sun_lights(environment)))
