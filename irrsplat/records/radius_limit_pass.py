@@ -5,7 +5,6 @@ A grid of the records' places finds the pairs within COMPARED_WITHIN radii a·R.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 
 import moderngl
@@ -57,7 +56,8 @@ class RadiusLimitPass(Owner):
         """
         limits, width = np.ones(len(numbers), "f4"), _TABLE[0]
         with ExitStack() as made:
-            others = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, low)]
+            parts = ((cache.positions[i : i + _MAX_IN_GRID], i) for i in range(low, cache.count, _MAX_IN_GRID))
+            others = [made.enter_context(_Grid(self.ctx, *part)) for part in parts]
             order = np.argsort(others[0].find(cache.positions[numbers]), kind="stable")  # near records share a draw
             for start in range(0, len(numbers), _TABLE[0] * _TABLE[1]):
                 part = order[start : start + _TABLE[0] * _TABLE[1]]
@@ -109,12 +109,6 @@ class _Grid(Owner):
         """Uniforms of records/point_grid.glsl."""
         textures = {"grid_edges": self.edges, "grid_starts": self.starts, "grid_points": self.places}
         return {**textures, "grid_cells": self.cells}
-
-
-def _grids(ctx: moderngl.Context, positions: np.ndarray, first: int) -> Iterator[_Grid]:
-    """Yield grids of all records from number `first` on."""
-    for low in range(first, len(positions), _MAX_IN_GRID):
-        yield _Grid(ctx, positions[low : low + _MAX_IN_GRID], low)
 
 
 def _near(cache: RecordCache, first: int, settings: Settings) -> np.ndarray:
