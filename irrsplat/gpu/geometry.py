@@ -53,16 +53,15 @@ class Geometry(Owner):
         """Move the triangles; the numbers of vertices and faces, and their order, stay."""
         if not len(faces):
             return
-        self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
+        self.repaint(vertices)
         self.indices.write(np.ascontiguousarray(faces, "i4").tobytes())
         self.corners = vertex_column(vertices, "position")[faces]
         self.planes.write(_planes(self.corners).tobytes())
 
     def repaint(self, vertices: np.ndarray) -> None:
         """Replace the vertices' materials; their number and positions stay."""
-        if not len(vertices):
-            return
-        self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
+        if len(vertices):
+            self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
 
 
 def _planes(corners: np.ndarray) -> np.ndarray:

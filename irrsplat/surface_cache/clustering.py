@@ -12,9 +12,8 @@ import numpy as np
 from irrsplat.core.buffers import Sites
 from irrsplat.surface_cache.tessellation import Tessellation
 
-_ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[
-    0
-]  # any rotation that turns walls away from the axes
+# any rotation that turns walls away from the axes
+_ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]])).Q
 _WITHIN = 62  # the bit of a key that marks an inner side
 _BLOCKS = 3.0, 12.0  # steps of near_sites: sides of the blocks searched for a site; the wide one if the small one is empty
 _AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
