@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from irrsplat.app.bake.unwrap import Charts
+from irrsplat.app.bake.unwrap import Charts
 
 _NEIGHBOURS = 4  # visible points that replace a hidden one
 _ALIKE = 0.98  # cosine: normals that differ by more form a crease, where the light differs

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import moderngl
 import numpy as np
 
+from irrsplat.app.bake.places import Receivers
 from irrsplat.core.errors import InputError
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.texel_table import table_rows
-
-if TYPE_CHECKING:
-    from irrsplat.app.bake.places import Receivers
 
 PADDING = 2  # texels between charts: bilinear filtering stays within a chart's own rim
 _TRIES = 6

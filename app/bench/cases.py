@@ -6,17 +6,14 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from irrsplat.app.bench import gather_truth
 from irrsplat.app.common.terminal import doing
+from irrsplat.records.cache_file import CacheState
+from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Light, Scene
-
-if TYPE_CHECKING:
-    from irrsplat.records.cache_file import CacheState
-    from irrsplat.renderer import Renderer
 
 REPETITIONS = 3
 SLOW = 3.0  # seconds: longer cases run once

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +11,8 @@ from irrsplat.app.common.terminal import say
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import disk_cache, fine_gather, worker
 from irrsplat.reference.truth import kept, vertices
-
-if TYPE_CHECKING:
-    from irrsplat.renderer import Renderer
-    from irrsplat.scene.model import Camera
+from irrsplat.renderer import Renderer
+from irrsplat.scene.model import Camera
 
 VERSION = 2  # version of the reference's method
 COUNT = 2000  # pixels

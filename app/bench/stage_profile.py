@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial, wraps
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,11 +22,9 @@ from irrsplat.app.common.terminal import columns, doing, out
 from irrsplat.core.timing.clock import Clock, use_clock
 from irrsplat.core.vectors import unit
 from irrsplat.reference.truth import in_words
+from irrsplat.renderer import Renderer
+from irrsplat.scene.model import Scene
 from irrsplat.settings import All
-
-if TYPE_CHECKING:
-    from irrsplat.renderer import Renderer
-    from irrsplat.scene.model import Scene
 
 SIZE = (400, 400)
 _PYTHON = "Python (rest)"

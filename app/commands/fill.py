@@ -36,13 +36,13 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Gather the records of a flight into a cache file."""
     from irrsplat import settings
-    from irrsplat.app.film import fill as filling
-    from irrsplat.app.film import flight as flights
 
     rendering.check_kept_files(args)
     settings.preset(args.preset, **args.values)
 
     import irrsplat
+    from irrsplat.app.film import fill as filling
+    from irrsplat.app.film import flight as flights
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
     flight = flights.plan(args, scene)

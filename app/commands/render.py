@@ -139,7 +139,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from irrsplat import settings
     from irrsplat.app.common import false_colours
-    from irrsplat.app.film import films, frames
+    from irrsplat.app.film import films
     from irrsplat.app.film import flight as flights
 
     has_folder, frozen = _check_files(args), args.cache_mode == "frozen"
@@ -153,6 +153,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--tile-size and --falsecolor light do not go together; leave one of them out")
 
     import irrsplat
+    from irrsplat.app.film import frames
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
     camera = rendering.camera(args, scene)

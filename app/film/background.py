@@ -15,6 +15,7 @@ from irrsplat.app.film.flight import Flight
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing import clock, other_process
 from irrsplat.image.frame import numbered
+from irrsplat.renderer import Renderer
 from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SettingValues
@@ -107,7 +108,6 @@ def main() -> None:
 
 def _write(job: FilmJob, name: str, report: Callable[[float], None]) -> None:
     """Render all frames into the folder of the film `name`, and encode them."""
-    from irrsplat.renderer import Renderer
 
     def on_frame(frame: str, done: int, count: int) -> frames.OnRound:
         return lambda state: report((done + state.coverage) / count)

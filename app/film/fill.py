@@ -5,14 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from irrsplat.app.common.terminal import say
+from irrsplat.app.film.flight import Flight
 from irrsplat.app.film.frames import OnFrame
-
-if TYPE_CHECKING:
-    from irrsplat.app.film.flight import Flight
-    from irrsplat.renderer import Renderer
+from irrsplat.renderer import Renderer
 
 _SAVED_EACH = 60.0  # seconds: the most work that a killed process loses
 PASSES = 8  # limit: a frame's records can reduce the radii of others, which opens gaps there

@@ -10,16 +10,13 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import progress
 from irrsplat.app.film import video
+from irrsplat.app.film.flight import Flight
 from irrsplat.core.errors import InputError
 from irrsplat.image.frame import numbered
-
-if TYPE_CHECKING:
-    from irrsplat.app.common.outputs import Outputs
-    from irrsplat.app.film.flight import Flight
 
 
 def folder_beside(film: str) -> tempfile.TemporaryDirectory[str]:

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as File
-from typing import TYPE_CHECKING
 
 from irrsplat.app.film.video import is_film
 from irrsplat.core.errors import InputError
 from irrsplat.image.frame import numbered
 from irrsplat.scene.camera_path import Path, load_path
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Scene
 
 
 @dataclass(frozen=True)

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 from irrsplat.app.common.false_colours import FalseColours, save
+from irrsplat.app.common.outputs import Outputs
+from irrsplat.app.film.flight import Flight
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
+from irrsplat.image.view import Progress
+from irrsplat.renderer import Renderer
 
-if TYPE_CHECKING:
-    from irrsplat.app.common.outputs import Outputs
-    from irrsplat.app.film.flight import Flight
-    from irrsplat.image.view import Progress
-    from irrsplat.renderer import Renderer
-
-
-OnRound = Callable[["Progress"], None]  # called after each round of a render
+OnRound = Callable[[Progress], None]  # called after each round of a render
 OnFrame = Callable[[str, int, int], OnRound | None]  # takes a frame's name, its index and the number of frames
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import time
 from argparse import Namespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +14,8 @@ from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.image.tonemap import tonemap
 from irrsplat.reference.truth import NOTHING, Traced, compare, in_words, side_of, traced
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
-
-if TYPE_CHECKING:
-    from irrsplat.scene.model import Camera, Scene
 
 Row = tuple[str, str, str]
 

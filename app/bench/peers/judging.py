@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +14,8 @@ from irrsplat.image.figures.legend import Colour
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather, timed_levels
 from irrsplat.reference.truth import NOTHING, in_words
+from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
-
-if TYPE_CHECKING:
-    from irrsplat.renderer import Renderer
 
 ENOUGH = 0.02  # relative RMSE below which refinement ends
 SECONDS = 120.0  # time limit for starting a finer measurement
