@@ -63,7 +63,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _check_scenes(args: argparse.Namespace) -> None:
-    """Raise InputError for a missing scene."""
     scenes = args.scenes if hasattr(args, "scenes") else [getattr(args, "scene", None)]
     for scene in scenes:
         if scene is not None:

@@ -53,7 +53,6 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def build() -> Parser:
-    """Return the complete grammar."""
     top = Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
     top.add_argument("--version", action="version", version=f"irrsplat {__version__}", help="print the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)

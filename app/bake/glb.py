@@ -50,7 +50,6 @@ class Glb:
         return len(entries) - 1
 
     def use(self, extension: str) -> None:
-        """Register an extension as used."""
         used = self.json.setdefault("extensionsUsed", [])
         if extension not in used:
             used.append(extension)
@@ -145,7 +144,6 @@ class Glb:
         self._node(named | {"mesh": self.add("meshes", named | {"primitives": primitives})})
 
     def camera(self, camera: Camera) -> None:
-        """Add a camera of the scene."""
         entry = {"type": "perspective", "perspective": {"yfov": math.radians(camera.fov), "znear": 0.01, "zfar": _FAR}}
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = camera.axes.T, camera.eye
@@ -156,7 +154,6 @@ class Glb:
         self._nodes.append(self.add("nodes", node))
 
     def encoded(self) -> bytes:
-        """Return the bytes of the file."""
         self._data += b"\0" * (-len(self._data) % 4)
         text = json.dumps(self.json | {"buffers": [{"byteLength": len(self._data)}]}, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)

@@ -90,7 +90,6 @@ def _timed(loaded: Sequence[Scene], args: Namespace, bounces: int | All) -> tupl
 
 
 def _cases(runs: Sequence[Run]) -> Iterator[str]:
-    """Yield the table of cases, and its summary."""
     rows: list[tuple[str, ...]] = [("scene", "preset", "case", "seconds", "picture", "records", "rmse")]
     for r in runs:
         seconds = f"{r.seconds:.3f}", _number(r.picture_seconds, ".3f")

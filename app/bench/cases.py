@@ -136,13 +136,11 @@ def from_records(renderer: Renderer, camera: Camera, kept: CacheState | None = N
 
 
 def records_of(renderer: Renderer) -> CacheState:
-    """Return the state of the records."""
     with renderer.ctx:
         return renderer.scheduler.state()
 
 
 def _restore(renderer: Renderer, kept: CacheState) -> None:
-    """Restore these records."""
     with renderer.ctx:
         renderer.scheduler.restore(kept)
 

@@ -17,7 +17,6 @@ _OWN = {"lightmap": ("form", "size", "texel_samples"), "vertices": ("cut", "most
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat bake`."""
     parser = commands.add_parser(
         "bake",
         help="bake light into a lightmap or vertex colours",

@@ -10,7 +10,6 @@ from irrsplat.app.common.terminal import wrote
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat bench`."""
     from irrsplat.app.bench.peers.table import others
 
     parser = commands.add_parser(
@@ -38,7 +37,6 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run `irrsplat bench`."""
     if args.json is not None:
         from irrsplat.core.files import check_file
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat cache`."""
     words = "inspect, merge and prune cache files"
     parser = commands.add_parser("cache", help=words, description=f"{words[0].upper()}{words[1:]}.")
     tools = parser.add_subparsers(dest="tool", metavar="TOOL", required=True, parser_class=Parser)
@@ -51,7 +50,6 @@ def add(commands: Any) -> None:
 
 
 def _info(args: argparse.Namespace) -> int:
-    """Print the content of each file."""
     from irrsplat.records import cache_file
 
     contents = [cache_file.read_any(path) for path in args.files]
@@ -85,7 +83,6 @@ def _lines(path: str, content: Content) -> list[str]:
 
 
 def _merge(args: argparse.Namespace) -> int:
-    """Merge the files into one."""
     from irrsplat.core import files
     from irrsplat.records import cache_file
     from irrsplat.records.merge import merge
@@ -102,7 +99,6 @@ def _merge(args: argparse.Namespace) -> int:
 
 
 def _prune(args: argparse.Namespace) -> int:
-    """Write the file without redundant records."""
     from irrsplat.core import files
     from irrsplat.records import cache_file
     from irrsplat.records.merge import prune

@@ -12,7 +12,6 @@ from irrsplat.app.common.terminal import INTERRUPTED, fail, say
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat fill`."""
     parser = commands.add_parser(
         "fill",
         help="gather the records of a flight, for render --cache-mode frozen",

@@ -24,7 +24,6 @@ _ORTHOGRAPHIC = 500.0  # scene diagonals: a more distant camera represents an or
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat info`."""
     parser = commands.add_parser("info", help="print the content of a scene", description="Print the content of a scene.")
     parser.add_argument(
         "scene", nargs="?", metavar="SCENE", help="a path or the name of a bundled scene (default: list the bundled scenes)"
@@ -109,7 +108,6 @@ def _lens(camera: Camera, diagonal: float) -> str:
 
 
 def _bundled() -> None:
-    """Print a table of the bundled scenes."""
     from irrsplat.scene import bundled, load
 
     rows = [("scene", "triangles", "lights", "emissive", "sky", "cameras")]

@@ -9,7 +9,6 @@ from irrsplat.app.commands.shared import flags, values
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat measure`."""
     parser = commands.add_parser(
         "measure",
         help="measure irradiance or illuminance on a plane, along a line or at points",
@@ -57,7 +56,6 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run `irrsplat measure`."""
     from irrsplat.app.commands.work import measure as measuring
 
     measuring.check(args)

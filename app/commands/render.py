@@ -24,7 +24,6 @@ SAMPLES = 16  # samples per pixel of a picture without --samples; arrays have on
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat render`."""
     parser = commands.add_parser(
         "render",
         help="render a scene to files",

@@ -10,7 +10,6 @@ from irrsplat.app.common.terminal import wrote
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat verify`."""
     parser = commands.add_parser(
         "verify",
         help="measure errors against a path tracer",
@@ -36,7 +35,6 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run `irrsplat verify`."""
     from irrsplat import settings
     from irrsplat.app.verify import verify as verification
 

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 
 def add(commands: Any) -> None:
-    """Add the flags of `irrsplat view`."""
     parser = commands.add_parser(
         "view",
         help="fly through a scene in a window",
@@ -34,7 +33,6 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Open the viewer."""
     import irrsplat
     from irrsplat.app.viewer import preferences
 

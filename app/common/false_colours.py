@@ -88,7 +88,6 @@ class FalseColours:
 
     @property
     def _unit(self) -> str:
-        """Unit for display."""
         if self.buffer in _ON_SURFACES:
             return self.scale.shown_unit
         return "cd/m²" if self.scale.unit == "lux" else "W/(m² sr)"

@@ -50,7 +50,6 @@ class Parser(argparse.ArgumentParser):
         return f"{self._words(action)}, and none is given"
 
     def _words(self, action: argparse.Action) -> str:
-        """Return the accepted words of `action`."""
         words = f"takes {'|'.join(str(name) for name in action.choices or ())}"
         return words if action.option_strings else f"{self.prog.split()[-1]} {words}"
 

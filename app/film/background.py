@@ -47,12 +47,10 @@ class FilmInBackground:
 
     @property
     def busy(self) -> bool:
-        """True if a film is being made."""
         return self._calling is not None
 
     @property
     def progress(self) -> str:
-        """The progress in words."""
         frame = int((self._calling.share if self._calling is not None else 0.0) * self._frames)
         return f"film: frame {frame} of {self._frames}" if frame < self._frames else "film: encoding"
 

@@ -32,7 +32,6 @@ _TAGS = 1, 13, 1, 1  # ITU-T H.273: BT.709's primaries, sRGB's curve, BT.709's m
 
 
 def is_film(path: str) -> bool:
-    """True if an output's ending is that of a film."""
     return os.path.splitext(path)[1].lower() in ENDINGS
 
 

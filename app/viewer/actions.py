@@ -63,7 +63,6 @@ class Actions:
         self.attempt(method if command.argument is None else lambda: method(command.argument))
 
     def can(self, command: Command) -> bool:
-        """Return True if an action can run now."""
         return not self.missing(command) and (not command.enabled or bool(attrgetter(command.enabled)(self)))
 
     def missing(self, command: Command) -> str:
@@ -93,7 +92,6 @@ class Actions:
         self.say(f"{name}: {path.frames} frames; File, Save film makes a film of it")
 
     def show(self, name: str) -> None:
-        """Show a buffer."""
         self.session.options.buffer = name
 
     def is_on(self, name: str) -> bool:
@@ -242,7 +240,6 @@ class Actions:
         self.film.begin(name, FilmJob(scene, path, session.size, renderer.preset, values))
 
     def cancel_film(self) -> None:
-        """Stop making the film, and delete its parts."""
         self.film.release()
         self.say("the film is given up; nothing of it was kept", topic="film")
 

@@ -47,7 +47,6 @@ class Messages:
         self.lines = [replace(line, until=clock.now() + _SECONDS) for line in self.lines]
 
     def expire(self) -> None:
-        """Drop the notices whose time is over."""
         self.lines = [m for m in self.lines if m.error or m.until > clock.now()]
 
     @property

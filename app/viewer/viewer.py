@@ -142,7 +142,6 @@ class Viewer(Owner):
         return not all(self.wnd.buffer_size)
 
     def _fit(self) -> None:
-        """Resize the session to the picture's part of the window."""
         size = self._place[2:]
         if not self._minimised and size != self.session.size:
             self.actions.attempt(lambda: self.session.resize(size))

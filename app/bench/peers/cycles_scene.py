@@ -128,7 +128,6 @@ def _light(light: Light) -> Any:
 
 
 def _camera(camera: Camera) -> Any:
-    """Return a camera."""
     made = bpy.data.cameras.new("camera")
     made.sensor_fit, made.angle, made.clip_start = "VERTICAL", np.radians(camera.fov), 1e-3
     there, matrix = bpy.data.objects.new("camera", made), np.linalg.inv(camera.view_from_world)

@@ -91,13 +91,11 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
 
 
 def _plane(values: list[float]) -> Plane:
-    """Return the plane of --plane's nine numbers."""
     corner, u, v = ((values[i], values[i + 1], values[i + 2]) for i in (0, 3, 6))
     return Plane(corner, u, v)
 
 
 def _grid(plane: Plane, args: argparse.Namespace) -> Grid:
-    """Return the points on the plane for the flags."""
     margin = args.margin or 0.0
     return plane.grid(plane.usual_spacing(margin) if args.grid is None else args.grid, margin)
 
@@ -158,7 +156,6 @@ def _rows(readings: Readings, unit: Unit, along: np.ndarray | None, form: str) -
 
 
 def _summary_lines(summary: Summary, grid: Grid | None, along: np.ndarray | None) -> Iterator[str]:
-    """Yield the lines of the summary."""
     unit = "lux" if summary["unit"] == "lux" else "W/m²"
     if grid is not None:
         yield f"points      {grid.columns} x {grid.rows}, {summary['points']} of them count"

@@ -183,7 +183,6 @@ class Reference(Owner):
         return TracedReference(subject, found, values, FULL * (mean or 1.0), about)
 
     def release(self) -> None:
-        """Stop tracing, and free the reference."""
         self.stop()
         if self._last is not None:
             self._last.calling.release()

@@ -154,9 +154,7 @@ def _choose(prompt: Prompt, most: float) -> Act | None:
 
     most: the greatest height of the entries, window coordinates.
     """
-    if (
-        prompt.text is None
-    ):  # without an input line, Enter counts from the second frame on: the first one may have opened the prompt
+    if prompt.text is None:  # Enter counts from the second frame on: the first one may have opened the prompt
         entered = prompt.opened and any(map(imgui.is_key_pressed, _ENTER))
         if not prompt.opened:
             imgui.set_window_focus()

@@ -80,7 +80,6 @@ class Markers(Owner):
         return layer.count >= cache.count and layer.revision == cache.revision
 
     def _of_records(self, target: Target, view: View, records: Records, settings: Settings) -> Uniforms:
-        """Return the uniforms of programs that draw records."""
         radii = view_radius_uniforms(view.camera, view.gbuffer.position.size, settings)
         return {**records.uniforms, **view_uniforms(target, view.gbuffer, view.camera), **radii}
 

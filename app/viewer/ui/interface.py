@@ -111,7 +111,6 @@ class Interface:
 
     @property
     def open_titles(self) -> list[str]:
-        """The titles of the open sections."""
         actions = self.actions
         picked = actions.editor.mesh is not None
         return [title for title, (opener, _) in self._sections.items() if (picked if opener == "mesh" else actions.is_on(opener))]
@@ -257,7 +256,6 @@ def _menu_entry(actions: Actions, command: Command) -> None:
 
 
 def _menu_scenes(actions: Actions) -> None:
-    """Draw the recent and the bundled scenes."""
     names = bundled()
     recent = [source for source in actions.preferences.recent if source not in names]
     if imgui.begin_menu("Open recent", bool(recent)):
@@ -273,7 +271,6 @@ def _menu_scenes(actions: Actions) -> None:
 
 
 def _menu_cameras(actions: Actions) -> None:
-    """Draw the cameras of the scene."""
     imgui.separator()
     for i, camera in enumerate(actions.session.scene.cameras):
         if imgui.menu_item(f"{camera.name or ('first' if i == 0 else f'camera {i + 1}')}##{i}", "", False)[0]:

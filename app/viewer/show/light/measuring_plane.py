@@ -96,7 +96,6 @@ class MeasuringPlane:
             self.measured = calling.result
 
     def release(self) -> None:
-        """Stop measuring."""
         calling, self._calling = self._calling, None
         if calling is not None:
             calling.release()
