@@ -19,7 +19,6 @@ from irrsplat.core.timing import other_process
 
 TRIANGLES = (10**3, 10**4, 10**5, 10**6)
 SIDES = (400, 800, 1600, 3200)  # pixels
-_CODE = "from irrsplat.app.bench.scaling import measured; from irrsplat.core.timing.other_process import serve; serve(measured)"
 OWN = 6360  # triangles of the bundled `curved`
 REPETITIONS, SLOW = 3, 5.0  # repetitions; seconds above which a case runs once
 LEGEND = """\
@@ -63,7 +62,7 @@ def run(args: Namespace) -> int:
     for k, (count, side) in enumerate(plan):
         doing(f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
         failure = f"the row of {count} triangles at {side}x{side} failed: {{why}}"
-        rows.append(cast(Row, other_process.call(_CODE, (count, side), failure=failure)))
+        rows.append(cast(Row, other_process.call(other_process.code(measured), (count, side), failure=failure)))
     doing("")
     out(f"growth on {rows[0].machine['renderer']}\n{LEGEND}\n")
     by_triangles, by_pixels = rows[: len(TRIANGLES)], rows[len(TRIANGLES) :]

@@ -20,7 +20,6 @@ from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SettingValues
 
-_MAIN = "from irrsplat.app.film.background import main; main()"
 _NICE = 10  # added to the niceness of the process: the window goes first
 _EVERY = 2.0  # seconds between two lines of progress, less than a message is shown
 
@@ -63,7 +62,7 @@ class FilmInBackground:
             raise InputError("films have no alpha; take another backdrop than clear", name)
         self._folder = films.folder_beside(name)
         self._name, self._frames, self._said, self.warned = name, job.path.frames, clock.now() - _EVERY, False
-        self._calling = other_process.Calling(_MAIN, (job, self._made), "the film failed ({why})")
+        self._calling = other_process.Calling(other_process.code(_write), (job, self._made), "the film failed ({why})")
 
     @property
     def _made(self) -> str:
@@ -97,15 +96,10 @@ class FilmInBackground:
 # ---- in the other process ----------------------------------------------------------------------------------------------
 
 
-def main() -> None:
-    """Make the film of the arguments on stdin."""
-    if hasattr(os, "nice"):
-        os.nice(_NICE)
-    other_process.serve(_write)
-
-
 def _write(job: FilmJob, name: str, report: Callable[[float], None]) -> None:
     """Render all frames into the folder of the film `name`, and encode them."""
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
 
     def on_frame(frame: str, done: int, count: int) -> frames.OnRound:
         return lambda state: report((done + state.coverage) / count)

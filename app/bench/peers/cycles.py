@@ -18,7 +18,6 @@ from irrsplat.settings import All
 
 _NAME = "Cycles"
 _COLOURS = (40, 140, 90), (90, 190, 130), (20, 90, 60)
-_CODE = "from irrsplat.app.bench.peers.cycles import timed; from irrsplat.core.timing.other_process import serve; serve(timed)"
 
 
 def measure(
@@ -33,7 +32,7 @@ def measure(
     notify(_NAME)
     view = views[0]
     arguments = scene, view.camera, size, vertices(bounces), judging.judged(view)
-    found = cast(TimedLevels, other_process.call(_CODE, arguments, failure="Cycles failed ({why})"))
+    found = cast(TimedLevels, other_process.call(other_process.code(timed), arguments, failure="Cycles failed ({why})"))
     yield from judging.by_samples(_NAME, found, _COLOURS)
 
 

@@ -76,6 +76,11 @@ def call(
     return value
 
 
+def code(work: Callable[..., object]) -> str:
+    """Return the code of a process that serves `work`, a function at the top of its module."""
+    return f"from {work.__module__} import {work.__name__} as work; from {__name__} import serve; serve(work)"
+
+
 def _pickled(arguments: tuple[object, ...]) -> bytes:
     """Return the arguments as bytes; try again if another thread adds a cached property to one of them meanwhile."""
     for _ in range(_TRIES):

@@ -12,8 +12,9 @@ from PIL import Image
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.film import background, video
+from irrsplat.app.film import video
 from irrsplat.app.film.background import FilmInBackground, FilmJob
+from irrsplat.core.timing import other_process
 from irrsplat.scene.camera_path import Path as CameraPath
 from tests.app.film.test_fill import RENDER
 from tests.app.film.test_fill import filled as filled
@@ -82,7 +83,7 @@ def test_a_film_in_the_background_is_complete_or_absent(
     """A separate process writes a film of three frames; a stopped or failed process leaves the folder empty."""
     film, messages, scene = FilmInBackground(), [""], irrsplat.load(place / "room.scene")
     if end == "failed":
-        monkeypatch.setattr(background, "_MAIN", "raise SystemExit('no memory')")
+        monkeypatch.setattr(other_process, "code", lambda work: "raise SystemExit('no memory')")
     path = CameraPath((scene.camera(),) * 2, 3)
     film.begin(str(tmp_path / "film.mp4"), FilmJob(scene, path, (33, 24), "preview", {"bounces": 0}))
     if end == "stopped":

@@ -16,7 +16,6 @@ from irrsplat.meter.plane import Plane, horizontal
 from irrsplat.meter.readings import Readings
 from irrsplat.scene.model import Scene
 
-_MAIN = "from irrsplat.app.viewer.show.light.measuring_plane import main; main()"
 _RESTS = 0.3  # seconds without a change of scene or height before a measurement begins
 _LEAST, _MOST = 4.0, 50.0  # points along the longer edge
 _USUAL = 0.75  # metres above the lowest point of the scene: the height of a desk
@@ -87,7 +86,8 @@ class MeasuringPlane:
         calling = self._calling
         if calling is None:
             if not self._done and clock.now() - self._since >= _RESTS:
-                self._calling = other_process.Calling(_MAIN, (scene, self.height), "the plane could not be measured ({why})")
+                work, failure = other_process.code(measure), "the plane could not be measured ({why})"
+                self._calling = other_process.Calling(work, (scene, self.height), failure)
         elif not calling.is_alive():
             self._calling, self._done = None, True
             if calling.error is not None:
@@ -102,11 +102,6 @@ class MeasuringPlane:
 
 
 # ---- in the other process ----------------------------------------------------------------------------------------------
-
-
-def main() -> None:
-    """Measure the plane for the arguments on stdin."""
-    other_process.serve(measure)
 
 
 def measure(scene: Scene, height: float, report: Callable[[float], None]) -> MeasuredPlane:
