@@ -12,6 +12,7 @@ from irrsplat.app.commands.shared import flags, values
 from irrsplat.app.common.outputs import Outputs, check_distinct
 from irrsplat.app.common.terminal import out, progress, say, wrote
 from irrsplat.core.errors import InputError
+from irrsplat.settings import preset
 
 _OWN = {"lightmap": ("form", "size", "texel_samples"), "vertices": ("cut", "most")}  # flags of a single kind of bake
 
@@ -46,10 +47,9 @@ def add(commands: Any) -> None:
 
 def _check(args: argparse.Namespace) -> None:
     """Raise InputError for errors on the command line that show before the scene is loaded."""
-    from irrsplat import settings
     from irrsplat.core import files
 
-    settings.preset(args.preset, **args.values)
+    preset(args.preset, **args.values)
     for kind, own in _OWN.items():
         for name in own:
             if kind != args.to and getattr(args, name) is not None:
@@ -67,7 +67,6 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
 
     import irrsplat
-    from irrsplat import settings
     from irrsplat.app import bake
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
@@ -84,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     if outputs.write(args.output, partial(made.save, args.output, *form)) and form:
         wrote(Path(args.output).with_suffix(".exr"))
     stats = {"scene": scene.name, "to": args.to, "light": args.light, "seconds": seconds, **made.summary}
-    stats |= {"preset": args.preset, "settings": vars(settings.preset(args.preset, **args.values))}
+    stats |= {"preset": args.preset, "settings": vars(preset(args.preset, **args.values))}
     outputs.write_json(args.stats, stats, 1)
     if not made.converged:
         say("notice: stopped before every point was covered; raise --a")

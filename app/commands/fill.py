@@ -9,6 +9,7 @@ from typing import Any
 from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
+from irrsplat.settings import preset
 
 
 def add(commands: Any) -> None:
@@ -34,10 +35,8 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Gather the records of a flight into a cache file."""
-    from irrsplat import settings
-
     rendering.check_kept_files(args)
-    settings.preset(args.preset, **args.values)
+    preset(args.preset, **args.values)
 
     import irrsplat
     from irrsplat.app.film import fill as filling

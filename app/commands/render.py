@@ -11,7 +11,7 @@ from irrsplat.app.commands.shared import flags, rendering, values
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
 from irrsplat.core.errors import InputError
-from irrsplat.settings import LEAST_TILE, MOST_TILE
+from irrsplat.settings import LEAST_TILE, MOST_TILE, preset
 
 if TYPE_CHECKING:
     from irrsplat.app.common.false_colours import FalseColours
@@ -136,13 +136,12 @@ def run(args: argparse.Namespace) -> int:
 
     All checks precede the work; a failed output does not affect the others.
     """
-    from irrsplat import settings
     from irrsplat.app.common import false_colours
     from irrsplat.app.film import films
     from irrsplat.app.film import flight as flights
 
     has_folder, frozen = _check_files(args), args.cache_mode == "frozen"
-    settings.preset(args.preset, **args.values)
+    preset(args.preset, **args.values)
     figures = has_folder and not frozen
     coloured = false_colours.checked(args)
     films.check(args)
@@ -170,9 +169,10 @@ def run(args: argparse.Namespace) -> int:
             if done[0].get("interrupted"):
                 unfinished = f"the files hold what {done[0].get('rounds', 0)} whole rounds gave"
         else:
+            kept = "" if made.folder is None else made.pattern  # temporary files
             with rendering.round_progress(args) as on_frame:
                 done, complete = frames.render(
-                    renderer, flight, _buffers(args), figures, on_frame, outputs, coloured, frozen, kept=made.temporary
+                    renderer, flight, _buffers(args), figures, on_frame, outputs, coloured, frozen, kept
                 )
             if not complete:
                 unfinished = f"{len(done)} of {len(flight.numbers)} frames were written{', and no film' if made.names else ''}"

@@ -7,6 +7,7 @@ from typing import Any
 
 from irrsplat.app.commands.shared import flags, rendering, values
 from irrsplat.app.common.terminal import wrote
+from irrsplat.settings import preset
 
 
 def add(commands: Any) -> None:
@@ -35,10 +36,9 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from irrsplat import settings
     from irrsplat.app.verify import verify as verification
 
-    settings.preset(args.preset, **args.values)
+    preset(args.preset, **args.values)
     verification.check(args)
 
     import irrsplat

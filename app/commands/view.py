@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.common.terminal import say
 from irrsplat.core.errors import IrrsplatError
+from irrsplat.settings import preset
 
 if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
@@ -59,11 +60,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_cache(args: argparse.Namespace, scene: Scene) -> None:
     """Raise InputError for a cache file that cannot be written or has other settings or, unless updated, another scene."""
-    from irrsplat import settings
     from irrsplat.core import files
     from irrsplat.records import cache_file
 
     files.check_file(args.cache)
     if os.path.exists(args.cache):
-        key = cache_file.key(scene.recentred.local, settings.preset(args.preset, **args.values))
+        key = cache_file.key(scene.recentred.local, preset(args.preset, **args.values))
         cache_file.read(args.cache, key, args.cache_mode == "update")

@@ -38,11 +38,6 @@ class Films:
     rate: Fraction = Fraction(video.RATE)
     folder: tempfile.TemporaryDirectory[str] | None = None
 
-    @property
-    def temporary(self) -> str:
-        """Pattern of temporary files; "" without them."""
-        return "" if self.folder is None else self.pattern
-
     def end(self, numbers: Sequence[int], outputs: Outputs) -> None:
         """Encode the frames `numbers`, unless there are none, and remove the temporary files."""
         pictures = [Path(numbered(self.pattern, number)) for number in numbers]

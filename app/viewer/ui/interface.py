@@ -246,10 +246,9 @@ def _menu_entries(actions: Actions, menu: str) -> None:
 
 
 def _menu_entry(actions: Actions, command: Command) -> None:
-    possible = actions.can(command)
     if command.action == "editor.redo" and command.shift:
         return  # the second key of the entry above
-    if imgui.menu_item(f"{command.title}##{command.menu}", command.shown, actions.is_active(command), possible)[0]:
+    if imgui.menu_item(f"{command.title}##{command.menu}", command.shown, actions.is_active(command), actions.can(command))[0]:
         actions.press(command)
     if said := actions.missing(command) or command.help:
         imgui.set_item_tooltip(said)
