@@ -7,10 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import cast
 
+import irrsplat
 from irrsplat.app.bench import compare, machine
 from irrsplat.app.bench.cases import LEGEND, TURN, Run, measure
 from irrsplat.app.common.terminal import columns, out, say
 from irrsplat.core.errors import InputError
+from irrsplat.core.files import json_text, write_text
 from irrsplat.reference.truth import in_words
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, All, Settings
@@ -25,9 +27,6 @@ def run(args: Namespace) -> int:
 
     Raises InputError and IrrsplatError for invalid input; KeyboardInterrupt if the user interrupts.
     """
-    import irrsplat
-    from irrsplat.core.files import json_text, write_text
-
     if args.profile and (args.peers or args.compare is not None):
         raise InputError("--profile has a table of its own; leave --peers and --compare out")
     bounces = _bounces(args.bounces)
@@ -67,8 +66,6 @@ def _bounces(text: str) -> int | All:
 
 def _timed(loaded: Sequence[Scene], args: Namespace, bounces: int | All) -> tuple[dict[str, object], list[Run]]:
     """Print the tables of every scene and size; return the machine and the runs for the JSON."""
-    import irrsplat
-
     about: dict[str, object] = {}
     runs: list[Run] = []
     for scene in loaded:

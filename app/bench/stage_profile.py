@@ -21,6 +21,9 @@ import numpy as np
 from irrsplat.app.common.terminal import columns, doing, out
 from irrsplat.core.timing.clock import Clock, use_clock
 from irrsplat.core.vectors import unit
+from irrsplat.gather.record_frame import offset_of, tangent_frames
+from irrsplat.gather.stratified import ray_directions
+from irrsplat.gpu.target import pixels
 from irrsplat.reference.truth import in_words
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Scene
@@ -178,10 +181,8 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> list[di
 
 def _profiled(scene: Scene, size: tuple[int, int], preset: str, bounces: int | All) -> dict[str, object]:
     """Profile one scene, print its table and return it: seconds by stage, rays, limit."""
-    import irrsplat
-
     title = f"{scene.name}, {size[0]}x{size[1]}, {preset}"
-    make = partial(irrsplat.Renderer, scene, size=size, preset=preset, bounces=bounces, tile_size=0)
+    make = partial(Renderer, scene, size=size, preset=preset, bounces=bounces, tile_size=0)
     doing(f"{title}: a first run that does not count, and one that is not profiled")
     for _ in range(2):
         with make() as renderer:
@@ -218,10 +219,6 @@ def _seconds(renderer: Renderer) -> float:
 
 def _limit(renderer: Renderer, rays: int) -> float:
     """Return the seconds in which Embree traces as many rays from the surfaces of the view, on one thread."""
-    from irrsplat.gather.record_frame import offset_of, tangent_frames
-    from irrsplat.gather.stratified import ray_directions
-    from irrsplat.gpu.target import pixels
-
     with renderer.ctx:
         gbuffer = renderer.gbuffer
         assert gbuffer is not None
