@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import moderngl
@@ -122,6 +122,11 @@ class World(Owner):
         if hurried and not self.has_tree:
             self.prebuild(tree=True)
             return False
+        return self._fits_rays
+
+    @cached_property
+    def _fits_rays(self) -> bool:
+        """True if the GPU can hold the tables of triangles and of the tree. A failure takes long, so it is tried once."""
         try:
             return bool(self.trace_uniforms)
         except InputError:
