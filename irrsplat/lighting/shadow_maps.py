@@ -59,7 +59,6 @@ class ShadowPass(Owner):
         tiles = [(matrix.tobytes(), bool(parallel)) for matrix, parallel in zip(lights.tiles, lights.parallel, strict=True)]
         self._drawn = None, []  # until all are drawn
         defines = world.material_defines
-        cutting = self._made.get("cut_out", defines, lambda: Program(self.ctx, "lighting/shadow", defines=defines))
         size = side * columns, side * lines
         target = self._made.get("target", size, lambda: Target(self.ctx, size, depth=True))
         if before[0] != made_of:
@@ -79,7 +78,9 @@ class ShadowPass(Owner):
                 if not draws:
                     continue
                 cut_out = part == "cut_out"
-                program = cutting if cut_out else self.program
+                program = self.program
+                if cut_out:
+                    program = self._made.get("cut_out", defines, lambda: Program(self.ctx, "lighting/shadow", defines=defines))
                 program(
                     target,
                     geometry=world.geometry,
