@@ -131,8 +131,8 @@ class SurfaceCache(Owner):
     # ---- changes ---------------------------------------------------------------------------------------------------
 
     def hold_light(self, shadows: ShadowMaps) -> None:
-        """Prepare to follow a change of the scene. shadows: the maps before the change."""
-        for level in filter(None, (self._level, self._coarse)):
+        """Prepare its own values, and those in use, to follow a change of the scene. shadows: the maps before the change."""
+        for level in dict.fromkeys((self._level, self._in_use)):
             level.hold_light(shadows)
 
     def may_add(self) -> bool:
