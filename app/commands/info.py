@@ -152,9 +152,9 @@ def run_doctor(args: argparse.Namespace) -> int:
 def _light(light: Light) -> str:
     where = ("from " if light.directional else "at ") + _point(light.position)
     if light.directional:
-        power = f"irradiance {_point(c * (1.0 if light.physical else math.pi) for c in light.color)} W/m² (lux)"
+        power = f"irradiance {_point(c * (1.0 if light.physical else math.pi) for c in light.color)} W/m²"
     elif light.physical:
-        power = f"intensity {_point(light.color)} W/sr (candela)"
+        power = f"intensity {_point(light.color)} W/sr"
     else:
         power = f"diffuse {_point(light.color)} (OpenGL)"
     if light.photometry is not None:
