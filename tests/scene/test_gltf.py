@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene import Scene
+from irrsplat.scene import Scene, load
 from irrsplat.scene.io.gltf.nodes import transforms
 from tests.support.gltf_files import FACES, POINTS, TRIANGLE, GltfFile, f32, typed
 
@@ -75,6 +76,17 @@ def test_lists_strips_and_fans_make_the_triangles_of_the_standard(file, show, mo
     file.tree["meshes"][0]["primitives"][0]["mode"] = mode
     turned = {tuple(map(tuple, np.roll(c, -int(np.lexsort(c.T)[0]), 0).tolist())) for c in POINTS[np.array(faces)]}
     assert {tuple(map(tuple, np.roll(c, -int(np.lexsort(c.T)[0]), 0).tolist())) for c in corners(show())} == turned
+
+
+@pytest.mark.parametrize("name", ["a.glb", "a.gltf"])
+def test_a_mesh_may_have_as_many_indices_as_its_data_hold(file, tmp_path, name):
+    file.node(mesh=file.mesh(None, np.tile(FACES, (30000, 1))))  # 120 000 triangles
+    path = file.glb(tmp_path / "a.glb")
+    if name == "a.gltf":  # the data lie in a file of their own
+        (tmp_path / "a.bin").write_bytes(file.data)
+        path = tmp_path / name
+        path.write_text(json.dumps({**file.tree, "buffers": [{"uri": "a.bin", "byteLength": len(file.data)}]}))
+    assert len(load(path).meshes[0].faces) == 120000
 
 
 def test_nodes_are_placed_by_their_parents_matrices(file, show):

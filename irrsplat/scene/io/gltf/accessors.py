@@ -18,7 +18,10 @@ _FREE, _PER_BYTE = 1 << 16, 16  # elements allowed in any file, and further elem
 def count(document: Document, index: object) -> int:
     """Return the number of elements of an accessor; raise Damaged if it is missing, or the number is implausible for the file's
     size."""
-    number = natural_number(document.entry("accessors", index), "count")
+    entry = document.entry("accessors", index)
+    number = natural_number(entry, "count")
+    if "bufferView" in entry:
+        plain_view(document, entry["bufferView"])  # the size includes its file from here on
     if number > _FREE + _PER_BYTE * document.size:
         raise Damaged(f"accessor {index} declares {number} elements in a file of {document.size} bytes")
     return number

@@ -222,7 +222,7 @@ def read(path: Path) -> Document:
         raise InputError("this is no glTF 2.0 file, or a damaged one; export it again", path) from None
     if not version.startswith("2"):
         raise InputError(f"this is glTF {printable(version)}; expected version 2.0", path)
-    return Document(path, tree, chunk, len(data))
+    return Document(path, tree, chunk, size=len(data))
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
