@@ -99,7 +99,7 @@ def test_every_texture_has_its_place(mtl):
         ("", "1.png", (1, 1), (0, 0), "repeat"),
         ("-s 2 3 1 -o .25 .5 0 -clamp on -bm 0.3", "red.png", (2, 3), (0.25, 0.5), "clamp"),
         ("-blendu on -o 0.5 -mm 0 1 -texres 512 -clamp off -s 2", "my red.png", (2, 1), (0.5, 0), "repeat"),
-        ("-imfchan r -type sphere -t 1 1 1 -s 1 -2 1", "1.png", (1, -2), (0, 0), "repeat"),
+        ("-imfchan r -type sphere -colorspace sRGB -t 1 1 1 -s 1 -2 1", "1.png", (1, -2), (0, 0), "repeat"),
     ],
 )
 def test_options_stand_before_the_file(mtl, tmp_path, options, name, s, o, wrap):

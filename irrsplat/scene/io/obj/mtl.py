@@ -24,7 +24,7 @@ _MAPS = {"map_kd": "map_kd", "map_ke": "map_ke", "map_d": "map_d", "norm": "norm
 _HEIGHT_MAPS = ("bump", "map_bump", "disp")
 _OPTIONS = {  # of a texture, with their greatest number of arguments; those of -o, -s and -t are numbers, one to three
     **dict.fromkeys(("-o", "-s", "-t"), 3),
-    **dict.fromkeys(("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type"), 1),
+    **dict.fromkeys(("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-colorspace", "-imfchan", "-texres", "-type"), 1),
     "-mm": 2,
 }
 _GLASS = (4, 6, 7, 9)  # illumination models with transmission, and with mirror reflection
