@@ -64,11 +64,12 @@ def glsl_gbuffer_material() -> str:
     """Return the g-buffer's textures of material, and `material_at(pixel)`."""
     fetched = (f"texel_at({p.name}, pixel).{_CHANNELS[: p.components]}" for p in PROPERTIES)
     lines = [
-        f"// The material that a pixel sees, {_MADE}",
+        f"// The material of the surface at a pixel, {_MADE}",
         '#include "generated/material.glsl"',
         '#include "lib/texel.glsl"',
         *(f"uniform sampler2D {p.name};  // g-buffer" for p in PROPERTIES),
         "",
+        "// Return the material at a pixel of the g-buffer.",
         "Material material_at(ivec2 pixel)",
         "{",
         f"    return Material({', '.join(fetched)});",

@@ -153,7 +153,7 @@ def glsl_columns() -> str:
 def glsl_outputs() -> str:
     """Return an output for each texture that a gather writes, and a function `write_record` that packs the columns into them."""
     gathered = [column for column in COLUMNS.values() if column.source == "gather"]
-    lines = ["// What a gather writes of a record, made from irrsplat/core/record_layout.py."]
+    lines = ["// The columns of a record that a gather writes, made from irrsplat/core/record_layout.py."]
     lines += [f"layout(location = {i}) out vec4 out_{texture};" for i, texture in enumerate(GATHERED)]
     lines += ["", f"void write_record({', '.join(f'{c.kind} {c.name}' for c in gathered)})", "{"]
     for texture in GATHERED:

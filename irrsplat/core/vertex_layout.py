@@ -100,17 +100,18 @@ def glsl_interpolated() -> str:
 
 
 def glsl_vertex_table() -> str:
-    """Return GLSL for vertex lookup `vertex_at(i)`, and `interpolate(share, a, b, c)` over a triangle."""
+    """Return GLSL for vertex lookup `vertex_at(i)`, and `interpolate(weights, a, b, c)` over a triangle."""
     blended = (
-        f"a.{c.name}" if c.flat else f"\n        share.x * a.{c.name} + share.y * b.{c.name} + share.z * c.{c.name}"
+        f"a.{c.name}" if c.flat else f"\n        weights.x * a.{c.name} + weights.y * b.{c.name} + weights.z * c.{c.name}"
         for c in COLUMNS
     )
     return _text(
         f"// The table of vertices, {_MADE}",
         '#include "generated/vertex.glsl"',
         '#include "lib/table.glsl"',
-        f"uniform sampler2D vertex_table;  // {TEXELS} texels a vertex, in rows of TABLE_COLUMNS vertices",
+        f"uniform sampler2D vertex_table;  // {TEXELS} texels per vertex, in rows of TABLE_COLUMNS vertices",
         "",
+        "// Return vertex i.",
         "Vertex vertex_at(int i)",
         "{",
         f"    ivec2 at = table_texel(i, {TEXELS}, 0);",
@@ -118,8 +119,8 @@ def glsl_vertex_table() -> str:
         f"    return Vertex({', '.join(map(_in_texels, COLUMNS))});",
         "}",
         "",
-        "// The vertices' values with these weights, which sum to 1.",
-        *_function("Vertex interpolate(vec3 share, Vertex a, Vertex b, Vertex c)", f"Vertex({', '.join(blended)})"),
+        "// Return the point of the triangle a, b, c with the barycentric coordinates `weights`.",
+        *_function("Vertex interpolate(vec3 weights, Vertex a, Vertex b, Vertex c)", f"Vertex({', '.join(blended)})"),
     )
 
 

@@ -82,7 +82,7 @@ void main()
     g = behind ? -g : g;  // turned to the record
     vec3 away = d * hit.t;
     float k = dot(g, away);
-    Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.share, A, B, C);
+    Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.barycentric, A, B, C);
     Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g, FLAT);
     // the stratum is π/(cell.x·cell.y) of cosθ·dω, and sees that many steradians' t²/cosθ' of the surface
     float solid = PI / (float(cell.x) * float(cell.y) * ray.z);
@@ -104,7 +104,7 @@ void main()
     for (int light = 3; light < LIGHTS; ++light) E += irradiance_at_hit(light, receiver, eye, away, ray);
 #if HITS
     // HITS implies SURFACE
-    Lookup lookup = surface_lookup(hit.triangle, hit.share, int(behind));
+    Lookup lookup = surface_lookup(hit.triangle, hit.barycentric, int(behind));
     // One of three values is drawn by its weight, so that the mean over a record's rays is right. The shifts of records and rays
     // are those of the R2 sequence and of the golden ratio.
     float shift = fract(texel_at(frames, ivec2(from, 3)).w * PLASTIC) + (floor(inside.y) * float(cell.x) + floor(inside.x)) * GOLDEN;
@@ -114,7 +114,7 @@ void main()
     out_place = vec4(receiver.p, float(hit.triangle));
     out_normal = vec4(receiver.n, 0.0);
 #elif SURFACE
-    vec4 further = surface_irradiance(hit.triangle, hit.share, int(behind));
+    vec4 further = surface_irradiance(hit.triangle, hit.barycentric, int(behind));
     E += further.rgb;
 #endif
     vec3 L = outgoing_radiance(material, E);

@@ -1,14 +1,14 @@
-// Exposed linear radiance to display values.
+// Tone mapping: exposed linear radiance to display values (docs/METHOD.md, 10.2).
 #include "generated/constants.glsl"
 
-// Hable's filmic curve (2010, "Uncharted 2: HDR Lighting") before it is scaled so that FILMIC_WHITE becomes 1.
+// Return Hable's filmic curve (2010, "Uncharted 2: HDR Lighting"), not yet scaled to map FILMIC_WHITE to 1.
 vec3 hable(vec3 v)
 {
     return (v * (FILMIC_A * v + FILMIC_C * FILMIC_B) + FILMIC_D * FILMIC_E) /
                (v * (FILMIC_A * v + FILMIC_B) + FILMIC_D * FILMIC_F) - FILMIC_E / FILMIC_F;
 }
 
-// sRGB-encoded display colour, 0..1, of exposed linear radiance.
+// Return the sRGB-encoded display colour, 0..1, of exposed linear radiance.
 vec3 display(vec3 radiance)
 {
     vec3 x = FILMIC_SCALE * clamp(radiance, 0.0, FILMIC_WHITE / FILMIC_SCALE);

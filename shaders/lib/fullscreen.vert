@@ -1,6 +1,6 @@
-// One triangle that fills the target: vertices 0, 1, 2 at (-1,-1), (3,-1), (-1,3).
+// Vertex shader of full-screen passes: one triangle that covers the target, with the corners (-1,-1), (3,-1), (-1,3) in clip space.
 #ifndef DEPTH
-#define DEPTH 0.0  // in clip space, -1..1
+#define DEPTH 0.0  // clip space, -1..1
 #endif
 
 void main()

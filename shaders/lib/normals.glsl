@@ -1,6 +1,6 @@
-// Unit normals. Surfaces are two-sided: normals are turned to the side they are seen from.
+// Unit normals. Surfaces are two-sided, so normals are turned to the side of the viewer.
 
-// The interpolated normal n made unit and turned to the side of the surface that the geometric normal g points to.
+// Return the interpolated normal n, normalised and turned to the side of the unit geometric normal g; g if n is 0.
 vec3 shading_normal(vec3 n, vec3 g)
 {
     float size = length(n);
@@ -8,13 +8,13 @@ vec3 shading_normal(vec3 n, vec3 g)
     return dot(n, g) < 0.0 ? -n : n;
 }
 
-// A unit vector at right angles to the unit vector n.
+// Return a unit vector perpendicular to the unit vector n.
 vec3 perpendicular(vec3 n)
 {
     return normalize(abs(n.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), n) : cross(vec3(1.0, 0.0, 0.0), n));
 }
 
-// A unit vector in two numbers in -1..1: the octahedral map (Meyer et al. 2010, "On Floating-Point Normal Vectors").
+// Return the octahedral coordinates, -1..1, of a unit vector (Meyer et al. 2010, "On Floating-Point Normal Vectors").
 vec2 octahedral_encode(vec3 v)
 {
     v /= abs(v.x) + abs(v.y) + abs(v.z);
@@ -22,6 +22,7 @@ vec2 octahedral_encode(vec3 v)
     return v.z >= 0.0 ? v.xy : folded;
 }
 
+// Return the unit vector of octahedral coordinates.
 vec3 octahedral_decode(vec2 e)
 {
     vec3 v = vec3(e, 1.0 - abs(e.x) - abs(e.y));

@@ -1,4 +1,4 @@
-// Nothing seen: the g-buffer's positions where no surface was drawn.
+// Clears the g-buffer's positions at pixels without a surface: depth 0 marks them.
 layout(location = 0) out vec4 out_position;
 
 void main()

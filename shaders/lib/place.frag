@@ -1,7 +1,7 @@
-// A part of a picture, or of four of one size, from where it was drawn to where it belongs.
+// Copies a rendered part of a picture, one texture or four of equal size (FOUR), into the whole picture.
 #include "lib/texel.glsl"
 
-uniform ivec2 start;  // the pixel here that is the first one there
+uniform ivec2 start;  // pixel of the whole picture where the part begins
 uniform sampler2D part_0;
 #if FOUR
 uniform sampler2D part_1;
@@ -18,11 +18,11 @@ layout(location = 3) out vec4 out_3;
 
 void main()
 {
-    ivec2 there = ivec2(gl_FragCoord.xy) - start;
-    out_0 = texel_at(part_0, there);
+    ivec2 texel = ivec2(gl_FragCoord.xy) - start;
+    out_0 = texel_at(part_0, texel);
 #if FOUR
-    out_1 = texel_at(part_1, there);
-    out_2 = texel_at(part_2, there);
-    out_3 = texel_at(part_3, there);
+    out_1 = texel_at(part_1, texel);
+    out_2 = texel_at(part_2, texel);
+    out_3 = texel_at(part_3, texel);
 #endif
 }

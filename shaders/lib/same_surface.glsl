@@ -1,13 +1,14 @@
-// Whether two points lie on one surface, judged by their places and unit normals.
+// A test of two points: their positions and unit normals decide if they lie on one surface (docs/METHOD.md, 8.1).
 const float SAME_SURFACE_COSINE = 0.8;  // least cosine of the angle between the normals
-const float SAME_SURFACE_RISE = 0.25;   // how far one may lie off the other's tangent plane, as a share of their distance
+const float SAME_SURFACE_RISE = 0.25;   // greatest distance from the mean tangent plane, as a share of the distance of the points
 
-// One number for a unit normal, different for the six sides of a box and for nearly all normals that differ much.
+// Return a number for a unit normal. It differs between the six sides of a box, and for nearly all pairs of very different normals.
 float facing_of(vec3 n)
 {
     return dot(n, vec3(0.9, 0.5, 0.2));
 }
 
+// Return true if p with normal n and q with normal m lie on one surface.
 bool same_surface(vec3 p, vec3 n, vec3 q, vec3 m)
 {
     return dot(n, m) >= SAME_SURFACE_COSINE && abs(dot(q - p, n + m)) * 0.5 <= SAME_SURFACE_RISE * distance(p, q);

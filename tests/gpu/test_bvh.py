@@ -67,7 +67,7 @@ def shaded(
         "    int x = int(gl_FragCoord.x), y = int(gl_FragCoord.y);\n    vec3 o = texelFetch(rays, ivec2(2 * x, y), 0).xyz;\n"
         "    Hit hit = bvh_between(o, texelFetch(rays, ivec2(2 * x + 1, y), 0).xyz, 0.0, FARTHEST_HIT);\n"
         "    vec3 p = mat3(triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2))"
-        " * hit.share;\n    out_hit = hit.t < FARTHEST_HIT ? vec4(p, hit.t) : vec4(0.0, 0.0, 0.0, -1.0);\n}\n"
+        " * hit.barycentric;\n    out_hit = hit.t < FARTHEST_HIT ? vec4(p, hit.t) : vec4(0.0, 0.0, 0.0, -1.0);\n}\n"
     )
     source = shader_source.load("walk.frag", root=tmp_path)
     program = ctx.program(vertex_shader=shader_source.load("lib/fullscreen.vert").text, fragment_shader=source.text)

@@ -44,7 +44,7 @@ int seeing(int eyes, Viewpoint from, vec3 away, bool possible)
     for (int k = 0; k < eyes; ++k)
     {
         vec3 aside = beside(k, from), way = away - aside;
-        bits |= bvh_way_free(from.eye + aside, way, length(way), possible) ? 1 << k : 0;
+        bits |= bvh_segment_free(from.eye + aside, way, length(way), possible) ? 1 << k : 0;
     }
     return bits;
 }
@@ -66,7 +66,7 @@ void main()
     for (int k = 1; k <= EYES_BESIDE; ++k)
     {
         vec3 aside = beside(k, from);
-        reached |= bvh_way_free(from.eye, aside, from.step, true) ? 1 << k : 0;
+        reached |= bvh_segment_free(from.eye, aside, from.step, true) ? 1 << k : 0;
     }
 #endif
 #endif

@@ -37,7 +37,7 @@ void main()
     vec3 a = triangle_point(hit.triangle, 0), b = triangle_point(hit.triangle, 1), c = triangle_point(hit.triangle, 2);
     vec3 g = normalize(cross(b - a, c - a));
     g = dot(g, d) > 0.0 ? -g : g;
-    vec3 end = mat3(a, b, c) * hit.share;  // on the triangle to the last digit, however far the light is
+    vec3 end = mat3(a, b, c) * hit.barycentric;  // on the triangle to the last digit, however far the light is
     float lit = hit.t < FARTHEST_HIT ? -dot(g, d) : 0.0, far = hit.t;
     for (int i = 0; i < further && lit > 0.0 && (i == 0 || far < FARTHEST_HIT); ++i)
     {
@@ -48,5 +48,5 @@ void main()
     }
     out_place = vec4(end, far);
     out_normal = vec4(g, float(hit.triangle));
-    out_share = vec4(hit.share, parallel ? lit : lit / (hit.t * hit.t));
+    out_share = vec4(hit.barycentric, parallel ? lit : lit / (hit.t * hit.t));
 }
