@@ -1,18 +1,20 @@
-// Two numbers in 0..1 in one float, 12 bits each: the share of a hit's radiance that comes from close values of the surface cache,
-// and the reflectance that weights them.
+// Close hits of a record's rays (docs/METHOD.md, 11.5). One float stores two numbers of a hit in 0..1, 12 bits each: the share of its
+// radiance that comes from a close value of the surface cache, and the reflectance that weights this value.
 #include "generated/constants.glsl"
 
-float joined(vec2 pair)
+// Return two numbers in 0..1 as one float.
+float pack_pair(vec2 pair)
 {
     pair = floor(clamp(pair, 0.0, 1.0) * TWELVE_BITS + 0.5);
     return pair.x * (TWELVE_BITS + 1.0) + pair.y;
 }
 
-vec2 parted(float both)
+// Return the two numbers of a float from pack_pair.
+vec2 unpack_pair(float value)
 {
-    float first = floor(both / (TWELVE_BITS + 1.0));
-    return vec2(first, both - first * (TWELVE_BITS + 1.0)) / TWELVE_BITS;
+    float first = floor(value / (TWELVE_BITS + 1.0));
+    return vec2(first, value - first * (TWELVE_BITS + 1.0)) / TWELVE_BITS;
 }
 
-// Length of rays from which the value at a hit holds, in extents of its surface: of a record's rays, and of rays from close hits.
+// Ray length up to which a hit is close, in extents of the surface of its value: for rays of records, and for rays from close hits.
 const vec2 CLOSE = vec2(2.0, 1.0);

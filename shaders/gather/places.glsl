@@ -1,13 +1,13 @@
-// The eyes of a record: one, or several in turn, texel by texel and sample by sample.
-uniform int places;  // eyes of a record, a power of two; 1 for records with derivatives
+// The eyes of a record. Sites of the surface cache have several, which alternate between texels and samples (docs/METHOD.md, 11.4).
+uniform int places;  // eyes per record, a power of two; 1 for records with derivatives
 
-// Column of `frames` with the eye of a texel of a record's cell.
+// Return the column of `frames` with the eye for a texel of a record's cell.
 int place_of_texel(int record, ivec2 texel)
 {
-    return record * places + ((texel.x + 2 * texel.y) & (places - 1));  // as places_of_texels in record_frame.py has it
+    return record * places + ((texel.x + 2 * texel.y) & (places - 1));  // as places_of_texels in irrsplat/gather/record_frame.py
 }
 
-// Column of `frames` with the eye of a next-event sample.
+// Return the column of `frames` with the eye for next-event sample s.
 int place_of_sample(int record, int s)
 {
     return record * places + (s & (places - 1));

@@ -1,22 +1,23 @@
-// The scene as many records see it at once: an instance is the plane of one record, drawn into its own cell of an atlas.
+// The paper's gather (Jones 2010, 2.1) for many records in one draw: instance i draws the scene on the plane of record i, into cell i of
+// an atlas.
 #include "generated/attributes.glsl"
 
 in vec3 in_position;
 
-uniform sampler2D frames;  // as Atlas.frames
-uniform int columns;       // of cells
-uniform float side;        // of a cell, texels
+uniform sampler2D frames;  // see Atlas.frames
+uniform int columns;       // cells per row of the atlas
+uniform float side;        // side of a cell, texels
 uniform float extent;      // the tangent of half the field of view
-uniform vec2 atlas;        // texels
-uniform float near;        // metres
+uniform vec2 atlas;        // size of the atlas, texels
+uniform float near;        // offset of the eye from its surface, metres
 
 out float gl_ClipDistance[5];
 
-flat out vec2 v_centre;  // of the cell, texels
-flat out vec3 v_eye;
-flat out vec3 v_right;   // the step of the direction whose normal part is 1, from a texel to its right neighbour
-flat out vec3 v_up;
-flat out vec3 v_ahead;   // that direction at the cell's centre
+flat out vec2 v_centre;  // centre of the cell, texels
+flat out vec3 v_eye;     // world space, metres
+flat out vec3 v_right;   // change of the direction (with normal component 1) from a texel to its right neighbour
+flat out vec3 v_up;      // change to the upper neighbour
+flat out vec3 v_ahead;   // direction at the centre of the cell: the normal
 
 void main()
 {
@@ -28,10 +29,10 @@ void main()
     v_up = bitangent * (2.0 * extent / side);
     v_ahead = texelFetch(frames, ivec2(gl_InstanceID, 2), 0).xyz;
     pass_attributes();
-    vec3 away = in_position - v_eye;
-    vec2 p = vec2(dot(tangent, away), dot(bitangent, away)) / extent;
-    float w = dot(v_ahead, away);
-    // the four sides of the plane, and its tip; there is no near plane beyond that (depth clamp), and no far one
+    vec3 offset = in_position - v_eye;
+    vec2 p = vec2(dot(tangent, offset), dot(bitangent, offset)) / extent;
+    float w = dot(v_ahead, offset);
+    // four sides and the apex of the pyramid; depth clamp replaces the near and the far plane
     gl_ClipDistance[0] = w - p.x;
     gl_ClipDistance[1] = w + p.x;
     gl_ClipDistance[2] = w - p.y;

@@ -1,6 +1,7 @@
-// The density of a record's rays about the unit direction w of its frame, per steradian.
-uniform float rays;  // their number over π
+// The density of cosine-distributed rays (docs/METHOD.md, 3.8).
+uniform float rays;  // number of rays per record, divided by π
 
+// Return the rays per steradian of a record in the unit direction w of its frame.
 float ray_density(vec3 w)
 {
     return rays * w.z;

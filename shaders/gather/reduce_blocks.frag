@@ -1,57 +1,58 @@
-// First step of the reduction: the sums over one block of a record's cell.
+// First step of the reduction: a fragment sums the texels of one block of a record's cell (Jones 2010, 2.1;
+// docs/METHOD.md, 3.5, 4.2, 4.4).
 #include "generated/constants.glsl"
 #include "gather/close_hits.glsl"
 #include "gather/places.glsl"
 #include "lib/texel.glsl"
 #include "lighting/sky.glsl"
 
-uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
-uniform sampler2D planes;    // plane of the hit: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit); w: -1 on
-                             // the inner side of a closed mesh, else the pair of close_hits.glsl
-uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
+uniform sampler2D radiance;  // the atlas: rgb radiance, W/(m² sr); a distance, metres (0: no hit)
+uniform sampler2D planes;    // the atlas: plane of the hit; dot(xyz, ω) is 1/distance in the unit direction ω, metres⁻¹ (0: no
+                             // hit); w: -1 on the inner side of a closed mesh, else the pair of close_hits.glsl
+uniform sampler2D table;     // one cell: mean direction of the texel in the record's frame, cosθ·dω
 #if SKY_MAP
-uniform sampler2D rays;      // one cell: direction of each texel's ray in the record's frame, cosθ·dω
+uniform sampler2D rays;      // one cell: direction of the texel's ray in the record's frame, cosθ·dω
 #endif
 #if SKY_SHARE
-uniform sampler2D sky_share;  // the atlas: the share of a texel that sees the sky; else its own ray decides
+uniform sampler2D sky_share;  // the atlas: visible share of the sky per texel; without this texture, it is 1 if the ray hits nothing
 #endif
-uniform sampler2D edges;     // two texels a texel: the edges to its right and upper neighbours, and which those are
-uniform sampler2D frames;    // texels (i, 0..2): the frame at place i, (i, 3): the geometric normal in it
-uniform ivec2 cell;          // texels of a cell
-uniform ivec2 block;         // texels of a block
+uniform sampler2D edges;     // two per texel: edge vector e to the right and the upper neighbour, and number of the neighbour
+uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent, normal at eye i; (i, 3): geometric normal in this frame
+uniform ivec2 cell;          // size of a cell, texels
+uniform ivec2 block;         // size of a block, texels
 uniform int columns;         // cells per row
 
 layout(location = 0) out vec4 out_sums;   // Σ L·cosθ·dω, Σ cosθ·dω / r
-layout(location = 1) out vec4 out_share;  // Σ cosθ·dω; that of inner sides of closed meshes; of close values of the surface
-                                          // cache Σ Y·cosθ·dω, Y their luminance, and Σ ρ·cosθ·dω/π
+layout(location = 1) out vec4 out_share;  // Σ cosθ·dω; Σ cosθ·dω of inner sides of closed meshes; of close values of the surface
+                                          // cache Σ Y·cosθ·dω (Y: luminance of their light) and Σ ν·ρ·cosθ·dω/π
 #if GRADIENTS
-layout(location = 2) out vec4 out_m_r;    // Σ L·ω·dω of red, green and blue, in the record's frame; w: the luminance's
-                                          // second derivatives xx, xy, yy there
+layout(location = 2) out vec4 out_m_r;    // M = Σ L·ω·dω of red, green and blue, in the record's frame; w: second
+                                          // derivatives xx, xy, yy of the luminance of E, W/m⁴
 layout(location = 3) out vec4 out_m_g;
 layout(location = 4) out vec4 out_m_b;
-layout(location = 5) out vec4 out_g_r;    // ∇E of red, green and blue, in the record's frame
+layout(location = 5) out vec4 out_g_r;    // ∇E of red, green and blue, in the record's frame, W/m³
 layout(location = 6) out vec4 out_g_g;
-layout(location = 7) out vec4 out_g_b;    // w: squared steps of the luminance's terms from texel to texel
+layout(location = 7) out vec4 out_g_b;    // w: sum of squared differences of c·Y between neighbouring texels, for the noise
 #endif
 
-// Radiance and 1/distance at a texel of the cell whose first texel is `corner`; direction: the texel's entry in the table.
-vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
+// Return radiance and 1/distance at a texel of the cell whose first texel is `corner`. direction: the texel's entry in `table`.
+vec4 incident_radiance(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
 {
     vec4 s = texel_at(radiance, corner + texel);
 #if SKY_MAP
-    // a stratum at the horizon is brightest for a record at its upper end, not in its mean direction
+    // the ray's direction, not the stratum's mean: near the horizon, the sky changes within a stratum
     direction = texel_at(rays, texel);
 #endif
 #if SKY_SHARE
-    float share = texel_at(sky_share, corner + texel).r;
+    float visible_sky = texel_at(sky_share, corner + texel).r;
 #else
-    float share = s.a > 0.0 ? 0.0 : 1.0;
+    float visible_sky = s.a > 0.0 ? 0.0 : 1.0;
 #endif
-    vec3 sky_light = share * sky_along(direction, sky_there);
+    vec3 sky_light = visible_sky * sky_along(direction, sky_there);
     return s.a > 0.0 ? vec4(s.rgb + sky_light, 1.0 / s.a) : vec4(sky_light, 0.0);
 }
 
-// Frame, geometric normal in it and sky at an eye position of a record.
+// Read the frame of an eye, the geometric normal in this frame, and the orientation of the sky. place: column of `frames`.
 void read_eye(int place, out mat3 frame, out vec3 g, out SkyFrame sky_there)
 {
     frame = mat3(texel_at(frames, ivec2(place, 0)).xyz, texel_at(frames, ivec2(place, 1)).xyz,
@@ -79,47 +80,47 @@ void main()
     for (int y = inside.y; y < inside.y + block.y; ++y)
     {
 #if GRADIENTS
-        vec4 after = texel_at(table, ivec2(inside.x, y)), L_after = seen(corner, ivec2(inside.x, y), after, sky_there);
-        vec4 plane_after = texel_at(planes, corner + ivec2(inside.x, y));
+        vec4 next = texel_at(table, ivec2(inside.x, y)), L_next = incident_radiance(corner, ivec2(inside.x, y), next, sky_there);
+        vec4 plane_next = texel_at(planes, corner + ivec2(inside.x, y));
 #endif
         for (int x = inside.x; x < inside.x + block.x; ++x)
         {
 #if GRADIENTS
-            vec4 direction = after, L = L_after, own = plane_after;
+            vec4 direction = next, L = L_next, plane = plane_next;
 #else
             read_eye(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
-            vec4 direction = texel_at(table, ivec2(x, y)), L = seen(corner, ivec2(x, y), direction, sky_there);
-            vec4 own = texel_at(planes, corner + ivec2(x, y));
+            vec4 direction = texel_at(table, ivec2(x, y)), L = incident_radiance(corner, ivec2(x, y), direction, sky_there);
+            vec4 plane = texel_at(planes, corner + ivec2(x, y));
 #endif
-            float above = dot(direction.xyz, g) > 0.0 ? 1.0 : 0.0;  // 0: below the surface itself
+            float above = dot(direction.xyz, g) > 0.0 ? 1.0 : 0.0;  // 0: below the horizon of the surface
             direction.w *= above;
             out_sums += direction.w * vec4(L.rgb, L.a);
-            vec2 close = parted(max(own.w, 0.0)) * vec2(dot(L.rgb, LUMINANCE), 1.0 / PI);
-            out_share += direction.w * vec4(1.0, own.w < 0.0 ? 1.0 : 0.0, close);
+            vec2 close = unpack_pair(max(plane.w, 0.0)) * vec2(dot(L.rgb, LUMINANCE), 1.0 / PI);
+            out_share += direction.w * vec4(1.0, plane.w < 0.0 ? 1.0 : 0.0, close);
 #if GRADIENTS
             M += outerProduct(direction.xyz * (direction.w / direction.z), L.rgb);
             for (int j = 0; j < 2; ++j)
             {
                 vec4 edge = texel_at(edges, ivec2(2 * x + j, y));
-                int number = int(edge.w);  // no neighbour: the texel itself, and a difference of 0
+                int number = int(edge.w);  // without a neighbour the number of the texel itself, so that the difference is 0
                 ivec2 b = ivec2(number % NEIGHBOUR_STRIDE, number / NEIGHBOUR_STRIDE);
-                vec4 beside = texel_at(table, b);
-                vec4 L_b = seen(corner, b, beside, sky_there), plane_b = texel_at(planes, corner + b);
+                vec4 neighbour = texel_at(table, b);
+                vec4 L_b = incident_radiance(corner, b, neighbour, sky_there), plane_b = texel_at(planes, corner + b);
                 if (j == 0)
                 {
                     // in a block, the right neighbour is the next texel
-                    after = beside;
-                    L_after = L_b;
-                    plane_after = plane_b;
+                    next = neighbour;
+                    L_next = L_b;
+                    plane_next = plane_b;
                 }
-                vec3 w = normalize(direction.xyz + beside.xyz), w_world = frame * w;
-                // how near the nearer of the two is where they meet: seen at a low angle, much farther than in the texel's middle
-                float nearer = max(dot(own.xyz, w_world), dot(plane_b.xyz, w_world));
+                vec3 w = normalize(direction.xyz + neighbour.xyz), w_world = frame * w;
+                // 1/r of the nearer plane at the edge (METHOD.md, 4.3): at grazing angles it differs much from 1/r at the texel's centre
+                float nearer = max(dot(plane.xyz, w_world), dot(plane_b.xyz, w_world));
                 nearer = above * clamp(nearer, 0.0, max(L.a, L_b.a));
                 G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);
-                float rise = direction.w * dot(L_b.rgb - L.rgb, LUMINANCE);
-                steps += rise * rise;
-                // an edge slides by δ/r, and as it comes nearer, faster: the gradient's own derivative (symmetric, as a Hessian is)
+                float difference = direction.w * dot(L_b.rgb - L.rgb, LUMINANCE);
+                steps += difference * difference;
+                // the edge form of the Hessian, 4/r²·ΔY·sym(e ⊗ ω): the symmetric part of the gradient's derivative (METHOD.md, 4.4)
                 H += 4.0 * nearer * nearer * dot(L_b.rgb - L.rgb, LUMINANCE)
                      * vec3(edge.x * w.x, 0.5 * (edge.x * w.y + edge.y * w.x), edge.y * w.y);
             }

@@ -1,11 +1,11 @@
-// A point for each record of the batch, on its own texel of the cache.
+// Last step of the reduction: a point per record of the batch, at the record's texel in the cache.
 #include "gather/places.glsl"
 #include "lib/table.glsl"
 
-uniform sampler2D frames;  // texel (i, 3), w: number in the cache of the record of eye i
-uniform ivec2 table;       // columns and rows of the cache
+uniform sampler2D frames;  // w of texel (i, 3): number in the cache of the record with eye i
+uniform ivec2 table;       // columns and rows of the cache's textures
 
-flat out int v_index;
+flat out int v_index;      // index of the record in the batch
 
 void main()
 {

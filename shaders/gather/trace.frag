@@ -1,4 +1,6 @@
-// Radiance that comes to a record along one ray, and how far it comes: the fragment is the ray's stratum in the record's cell.
+// The gather by rays: radiance and distance at the first hit of a ray (docs/METHOD.md, 3.4, 3.7). A fragment is the ray of one stratum
+// in a record's cell. KNOWN_HITS: 1 if Embree has found the triangles. SURFACE: 1 if hits reflect light of the surface cache.
+// HITS: 1 for rays of the surface cache, which also output the position and the value of each hit.
 #include "lighting/lights.glsl"
 #include "generated/vertex_table.glsl"
 #include "lib/material.glsl"
@@ -24,49 +26,49 @@
 #include "gather/close_hits.glsl"
 #endif
 
-uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at place i, (i, 4): eye position
-uniform sampler2D directions;  // of the rays in a record's frame, for each texel of a cell
-uniform ivec2 cell;          // azimuths and elevations of a record
+uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at eye i; (i, 4): eye, world space
+uniform sampler2D directions;  // ray directions in the record's frame, one cell
+uniform ivec2 cell;          // numbers of azimuths and elevations per record
 uniform int columns;         // cells per row
-uniform float near;          // metres
+uniform float near;          // offset of the eye from its surface, metres
 uniform int closed;          // triangles of lower numbers belong to closed meshes
 #if KNOWN_HITS
-uniform isampler2D first_hits;  // of each ray, record by record, the triangle that it hits first; -1: none
+uniform isampler2D first_hits;  // number of the first triangle of each ray, record by record; -1: no hit
 #endif
 
-layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
-layout(location = 1) out vec4 out_plane;     // plane of the hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: -1 on the
-                                             // inner side of a closed mesh, else the pair of close_hits.glsl
+layout(location = 0) out vec4 out_radiance;  // rgb: radiance, W/(m² sr); a: distance, metres, 0 for the sky
+layout(location = 1) out vec4 out_plane;     // plane of the hit: dot(xyz, ω) is 1/distance in the unit direction ω, metres⁻¹; w: -1 on
+                                             // the inner side of a closed mesh, else the pair of close_hits.glsl
 #if HITS
-uniform bool survey;  // true if a hit counts for the nearest site, and not for one drawn by its weight
+uniform bool survey;  // true if a hit counts for the site of greatest weight; false for a site drawn by weight
 
-layout(location = 2) out vec4 out_albedo;  // reflectance at the hit; a: number of a value of the surface cache there, -1: none
-layout(location = 3) out vec4 out_place;   // where that is, and on which triangle
-layout(location = 4) out vec4 out_normal;  // the shading normal there
+layout(location = 2) out vec4 out_albedo;  // reflectance at the hit; a: number of the value of the surface cache, -1: none
+layout(location = 3) out vec4 out_place;   // position of the hit, world space, metres; w: number of the triangle
+layout(location = 4) out vec4 out_normal;  // shading normal at the hit
 #endif
 
-// The irradiance by light i of a receiver, the hit of a ray from the eye, `away` from it. ray: direction in the record's frame.
-vec3 irradiance_at_hit(int i, Receiver receiver, vec3 eye, vec3 away, vec3 ray)
+// Return the irradiance by light i, W/m², at the hit of a ray. to_hit: vector from the eye, metres. ray: direction in the record's frame.
+vec3 irradiance_at_hit(int i, Receiver receiver, vec3 eye, vec3 to_hit, vec3 ray)
 {
     float spread;
     vec3 E = light_irradiance(i, receiver, spread);
 #if VIRTUAL_LIGHTS
-    E *= light_share(i, receiver.p, spread, away, receiver.g, ray_density(ray));
+    E *= light_share(i, receiver.p, spread, to_hit, receiver.g, ray_density(ray));
 #endif
-    // Software renderers look up shadows for all hits. Hits without light look up the eye's, which is in the processor's cache.
+    // Software renderers read the shadow map for all hits. Unlit hits read it at the eye, because its texel is in the processor's cache.
     bool lit = E.r + E.g + E.b > 0.0;
-    float share = visibility(i, Receiver(lit ? receiver.p : eye, receiver.n, receiver.g, FLAT), 1, vec2(1.0, 0.0));
-    return lit ? E * share : vec3(0.0);
+    float visible = visibility(i, Receiver(lit ? receiver.p : eye, receiver.n, receiver.g, FLAT), 1, vec2(1.0, 0.0));
+    return lit ? E * visible : vec3(0.0);
 }
 
 void main()
 {
     vec2 place = floor(gl_FragCoord.xy / vec2(cell)), inside = gl_FragCoord.xy - place * vec2(cell);
     int record = int(place.y) * columns + int(place.x);
-    int from = place_of_texel(record, ivec2(inside));
-    mat3 frame = mat3(texel_at(frames, ivec2(from, 0)).xyz, texel_at(frames, ivec2(from, 1)).xyz,
-                      texel_at(frames, ivec2(from, 2)).xyz);
-    vec3 eye = texel_at(frames, ivec2(from, 4)).xyz;
+    int eye_column = place_of_texel(record, ivec2(inside));
+    mat3 frame = mat3(texel_at(frames, ivec2(eye_column, 0)).xyz, texel_at(frames, ivec2(eye_column, 1)).xyz,
+                      texel_at(frames, ivec2(eye_column, 2)).xyz);
+    vec3 eye = texel_at(frames, ivec2(eye_column, 4)).xyz;
 
     vec3 ray = texel_at(directions, ivec2(inside)).xyz, d = normalize(frame * ray);
 #if KNOWN_HITS
@@ -76,53 +78,55 @@ void main()
     Hit hit = bvh_between(eye, d, 0.0, FARTHEST_HIT);
 #endif
     vec3 corner[3] = vec3[](triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2));
-    ivec3 at = triangle_vertices(hit.triangle);
+    ivec3 vertices = triangle_vertices(hit.triangle);
     vec3 g = normalize(cross(corner[1] - corner[0], corner[2] - corner[0]));
     bool behind = dot(g, d) > 0.0, inner = behind && hit.triangle < closed;
-    g = behind ? -g : g;  // turned to the record
-    vec3 away = d * hit.t;
-    float k = dot(g, away);
-    Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.barycentric, A, B, C);
-    Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g, FLAT);
-    // the stratum is π/(cell.x·cell.y) of cosθ·dω, and sees that many steradians' t²/cosθ' of the surface
-    float solid = PI / (float(cell.x) * float(cell.y) * ray.z);
-    Material material = material_mean(seen, texture_area(solid * hit.t * hit.t / max(-dot(g, d), 0.05), A, B, C));
+    g = behind ? -g : g;  // on the side of the record
+    vec3 to_hit = d * hit.t;
+    float kappa = dot(g, to_hit);
+    Vertex A = vertex_at(vertices.x), B = vertex_at(vertices.y), C = vertex_at(vertices.z);
+    Vertex point = interpolate(hit.barycentric, A, B, C);
+    Receiver receiver = Receiver(eye + to_hit, shading_normal(point.normal, g), g, FLAT);
+    // a stratum has cosθ·dω = π/(cell.x·cell.y), and covers dω·t²/cosθ' of the surface
+    float solid_angle = PI / (float(cell.x) * float(cell.y) * ray.z);
+    Material material = material_mean(point, texture_area(solid_angle * hit.t * hit.t / max(-dot(g, d), 0.05), A, B, C));
 #if EMITTERS
     material.emission *= ray_share(hit.triangle, eye, d, hit.t, g, ray_density(ray));
 #endif
     vec3 E = vec3(0.0);
-    // the first ones one by one, as direct_irradiance has them
+    // three unrolled steps, as in direct_irradiance
 #if LIGHTS > 0
-    E += irradiance_at_hit(0, receiver, eye, away, ray);
+    E += irradiance_at_hit(0, receiver, eye, to_hit, ray);
 #endif
 #if LIGHTS > 1
-    E += irradiance_at_hit(1, receiver, eye, away, ray);
+    E += irradiance_at_hit(1, receiver, eye, to_hit, ray);
 #endif
 #if LIGHTS > 2
-    E += irradiance_at_hit(2, receiver, eye, away, ray);
+    E += irradiance_at_hit(2, receiver, eye, to_hit, ray);
 #endif
-    for (int light = 3; light < LIGHTS; ++light) E += irradiance_at_hit(light, receiver, eye, away, ray);
+    for (int light = 3; light < LIGHTS; ++light) E += irradiance_at_hit(light, receiver, eye, to_hit, ray);
 #if HITS
-    // HITS implies SURFACE
+    // HITS implies SURFACE.
     Lookup lookup = surface_lookup(hit.triangle, hit.barycentric, int(behind));
-    // One of three values is drawn by its weight, so that the mean over a record's rays is right. The shifts of records and rays
-    // are those of the R2 sequence and of the golden ratio.
-    float shift = fract(texel_at(frames, ivec2(from, 3)).w * PLASTIC) + (floor(inside.y) * float(cell.x) + floor(inside.x)) * GOLDEN;
+    // One of three values is drawn by its weight, so that the mean over the rays of a record
+    // is unbiased. The random number advances by the R2 sequence from record to record, and by the golden ratio from ray to ray.
+    float shift = fract(texel_at(frames, ivec2(eye_column, 3)).w * PLASTIC) + (floor(inside.y) * float(cell.x) + floor(inside.x)) * GOLDEN;
     int value = survey ? surface_nearest(lookup) : surface_drawn(lookup, fract(shift));
     value = hit.t < FARTHEST_HIT ? value : -1;
     out_albedo = value < 0 ? vec4(0.0, 0.0, 0.0, -1.0) : vec4(material.albedo, float(value));
     out_place = vec4(receiver.p, float(hit.triangle));
     out_normal = vec4(receiver.n, 0.0);
 #elif SURFACE
-    vec4 further = surface_irradiance(hit.triangle, hit.barycentric, int(behind));
-    E += further.rgb;
+    vec4 cached = surface_irradiance(hit.triangle, hit.barycentric, int(behind));
+    E += cached.rgb;
 #endif
     vec3 L = outgoing_radiance(material, E);
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
     float close = 0.0;
 #if SURFACE && !HITS
-    float reflected = max(1.0 - hit.t / ((places > 1 ? CLOSE.y : CLOSE.x) * max(further.a, near)), 0.0) * dot(material.albedo, LUMINANCE);
-    close = joined(vec2(reflected * dot(further.rgb, LUMINANCE) / max(PI * dot(L, LUMINANCE), 1e-20), reflected));
+    // ν·ρ: see docs/METHOD.md, 11.5
+    float nu_rho = max(1.0 - hit.t / ((places > 1 ? CLOSE.y : CLOSE.x) * max(cached.a, near)), 0.0) * dot(material.albedo, LUMINANCE);
+    close = pack_pair(vec2(nu_rho * dot(cached.rgb, LUMINANCE) / max(PI * dot(L, LUMINANCE), 1e-20), nu_rho));
 #endif
-    out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), inner ? -1.0 : close) : vec4(0.0);
+    out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(kappa, -0.05 * near), inner ? -1.0 : close) : vec4(0.0);
 }

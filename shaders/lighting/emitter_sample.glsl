@@ -54,7 +54,7 @@ Emitter choose_emitter(float u, vec3 eye)
 }
 
 // A point that is spread evenly over a triangle where u and v are evenly spread over the unit square: its shares of the corners.
-vec3 even_point(float u, float v)
+vec3 uniform_point(float u, float v)
 {
     u = sqrt(u);
     return vec3(1.0 - u, u * (1.0 - v), u * v);

@@ -1,7 +1,7 @@
-// Next-event estimation: contribution of light sources to the sums of a block of a record, by shadow rays. The balance heuristic
-// weights each sample against ray hits of the same source (lighting/emitters_hit.glsl, lighting/virtual_lights/hit.glsl).
-// For records with derivatives, additional eyes in a circle sample the same points: differences in visibility give the motion of
-// shadows (docs/METHOD.md, 3.8).
+// Next-event estimation: the contribution of light sources to the sums of a block of a record, by shadow rays (docs/METHOD.md, 3.8). The
+// balance heuristic weights each sample against rays that hit the source (lighting/emitters_hit.glsl, lighting/virtual_lights/hit.glsl).
+// For records with derivatives, additional eyes on a circle test the samples, too: differences of visibility give its derivatives.
+// SEEN: 1 if Embree has traced the shadow rays. The outputs are those of gather/reduce_blocks.frag.
 #include "gather/light_samples/sample.glsl"
 #if !SEEN
 #include "lib/rays/bvh.glsl"
@@ -9,13 +9,13 @@
 #include "gather/ray_density.glsl"
 #include "gather/places.glsl"
 
-uniform ivec2 blocks;    // of a cell
+uniform ivec2 blocks;    // columns and rows of blocks per cell
 uniform int columns;     // cells per row
-uniform int samples;     // of a record
-uniform vec2 span;       // of these: the first one, and the one after the last
+uniform int samples;     // samples per record
+uniform vec2 span;       // samples of this draw: the first one, and the one after the last
 #if SEEN
-uniform sampler2D seen;  // texel (s, i): visibility of sample s of record i, bit 0, and from the additional eyes, bits from 1 on;
-                         // texel (samples, i): bits of the additional eyes with a free way from the first
+uniform sampler2D seen;  // texel (s, i): visibility of sample s of record i: bit 0 from the eye, bits 1.. from the additional
+                         // eyes; texel (samples, i): bits of the additional eyes that are visible from the eye
 #endif
 
 layout(location = 0) out vec4 out_sums;
@@ -29,22 +29,22 @@ layout(location = 6) out vec4 out_g_g;
 layout(location = 7) out vec4 out_g_b;
 #endif
 
-// Offset of eye number k (from 1 on) from the record's eye, in metres; number 0 is the eye itself.
-vec3 beside(int k, Viewpoint from)
+// Return the offset of eye k from the record's eye, world space, metres. Eye 0 is the record's eye, eyes from 1 on lie on the circle.
+vec3 eye_offset(int k, Viewpoint receiver)
 {
     float angle = float(k - 1) * (2.0 * PI / float(EYES_BESIDE));
-    return k == 0 ? vec3(0.0) : from.step * (cos(angle) * from.frame[0] + sin(angle) * from.frame[1]);
+    return k == 0 ? vec3(0.0) : receiver.step * (cos(angle) * receiver.frame[0] + sin(angle) * receiver.frame[1]);
 }
 
 #if !SEEN
-// The visibility of the point `away` from the first eye, for the first `eyes` eyes: a bit for each.
-int seeing(int eyes, Viewpoint from, vec3 away, bool possible)
+// Return the visibility of a source for the first `eyes` eyes, one bit per eye. to_source: vector from eye 0, metres.
+int visibility_bits(int eyes, Viewpoint receiver, vec3 to_source, bool possible)
 {
     int bits = 0;
     for (int k = 0; k < eyes; ++k)
     {
-        vec3 aside = beside(k, from), way = away - aside;
-        bits |= bvh_segment_free(from.eye + aside, way, length(way), possible) ? 1 << k : 0;
+        vec3 offset = eye_offset(k, receiver), from_eye = to_source - offset;
+        bits |= bvh_segment_free(receiver.eye + offset, from_eye, length(from_eye), possible) ? 1 << k : 0;
     }
     return bits;
 }
@@ -52,72 +52,72 @@ int seeing(int eyes, Viewpoint from, vec3 away, bool possible)
 
 void main()
 {
-    ivec2 at = ivec2(gl_FragCoord.xy), place = at / blocks, inside = at - place * blocks;
+    ivec2 texel = ivec2(gl_FragCoord.xy), place = texel / blocks, inside = texel - place * blocks;
     int record = place.y * columns + place.x;
-    Viewpoint from = viewpoint(place_of_sample(record, 0));
+    Viewpoint receiver = viewpoint(place_of_sample(record, 0));
     vec3 E = vec3(0.0);
 #if GRADIENTS
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
 #if SEEN
-    int reached = int(texel_at(seen, ivec2(samples, record)).r);
+    int visible_eyes = int(texel_at(seen, ivec2(samples, record)).r);
 #else
-    int reached = 0;
+    int visible_eyes = 0;
     for (int k = 1; k <= EYES_BESIDE; ++k)
     {
-        vec3 aside = beside(k, from);
-        reached |= bvh_segment_free(from.eye, aside, from.step, true) ? 1 << k : 0;
+        vec3 offset = eye_offset(k, receiver);
+        visible_eyes |= bvh_segment_free(receiver.eye, offset, receiver.step, true) ? 1 << k : 0;
     }
 #endif
 #endif
     for (float s = span.x + float(inside.y * blocks.x + inside.x); s < span.y; s += float(blocks.x * blocks.y))
     {
 #if !GRADIENTS
-        from = viewpoint(place_of_sample(record, int(s)));
+        receiver = viewpoint(place_of_sample(record, int(s)));
 #endif
-        LightSample point = light_sample(s, from);
+        LightSample point = light_sample(s, receiver);
 #if SEEN
         int bits = int(texel_at(seen, ivec2(int(s), record)).r);
 #else
-        int bits = seeing(GRADIENTS > 0 ? EYES_BESIDE + 1 : 1, from, point.source.away, point.possible);
+        int bits = visibility_bits(GRADIENTS > 0 ? EYES_BESIDE + 1 : 1, receiver, point.source.to_source, point.possible);
 #endif
         if (bits == 0) continue;
-        // in units of r, since r⁻⁶ is more than a float holds where a scene is very small
+        // lengths are in units of r, because r⁻⁶ overflows a float in very small scenes
         vec3 w = point.x / point.r, m = point.m;
-        float r = point.r, r2 = r * r, height = w.z, facing = point.cosine, visible = float(bits & 1);
+        float r = point.r, r2 = r * r, cosine = w.z, cosine_l = point.cosine, V = float(bits & 1);
 
-        float found = ray_density(w) * facing / r2;  // rays that meet there, m⁻²
-        vec3 L = source_radiance(point.source) / (point.source.density + found / WORTH);
-        float f = height * facing / r2;
-        E += visible * f * L;
+        float hit_density = ray_density(w) * cosine_l / r2;  // rays that hit the source, m⁻²
+        vec3 L = source_radiance(point.source) / (point.source.density + hit_density / WORTH);
+        float f = cosine * cosine_l / r2;
+        E += V * f * L;
 #if GRADIENTS
-        // of the visibility V, by a polynomial through the visibility at the eyes: six on a circle determine its second derivatives
+        // derivatives of the visibility V, by finite differences: six eyes on a circle determine the second derivatives
         vec2 dV = vec2(0.0);
         vec3 ddV = vec3(0.0);  // xx, xy, yy
         for (int k = 1; k <= EYES_BESIDE; ++k)
         {
-            // an eye without a free way is extrapolated from the opposite one
+            // an eye behind a wall continues the difference at the opposite eye
             int opposite = (k - 1 + EYES_BESIDE / 2) % EYES_BESIDE + 1;
-            float there = float((bits >> k) & 1), other = float((bits >> opposite) & 1);
-            float change = ((reached >> k) & 1) > 0 ? there - visible : ((reached >> opposite) & 1) > 0 ? visible - other : 0.0;
+            float V_k = float((bits >> k) & 1), V_opposite = float((bits >> opposite) & 1);
+            float difference = ((visible_eyes >> k) & 1) > 0 ? V_k - V : ((visible_eyes >> opposite) & 1) > 0 ? V - V_opposite : 0.0;
             float angle = float(k - 1) * (2.0 * PI / float(EYES_BESIDE)), c = cos(2.0 * angle), d = sin(2.0 * angle);
-            dV += change * vec2(cos(angle), sin(angle));
-            ddV += change * vec3(1.0 + 2.0 * c, 2.0 * d, 1.0 - 2.0 * c);
+            dV += difference * vec2(cos(angle), sin(angle));
+            ddV += difference * vec3(1.0 + 2.0 * c, 2.0 * d, 1.0 - 2.0 * c);
         }
-        dV *= 2.0 / (float(EYES_BESIDE) * from.step);
-        ddV *= 2.0 / (float(EYES_BESIDE) * from.step * from.step);
+        dV *= 2.0 / (float(EYES_BESIDE) * receiver.step);
+        ddV *= 2.0 / (float(EYES_BESIDE) * receiver.step * receiver.step);
 
-        // E is proportional to V·f, f = (n·x)(m·x)/r⁴; as the record moves by δ, x changes by -δ
-        vec3 df = (4.0 * height * facing * w - height * m - vec3(0.0, 0.0, facing)) / (r2 * r);
+        // E is proportional to V·f with f = (n·x)(m·x)/r⁴; as the record moves by δ, x changes by -δ
+        vec3 df = (4.0 * cosine * cosine_l * w - cosine * m - vec3(0.0, 0.0, cosine_l)) / (r2 * r);
         vec3 ww = vec3(w.x * w.x, w.x * w.y, w.y * w.y), mw = vec3(2.0 * m.x * w.x, m.x * w.y + m.y * w.x, 2.0 * m.y * w.y);
-        vec3 ddf = 4.0 * height * (6.0 * facing * ww - mw - facing * vec3(1.0, 0.0, 1.0)) / (r2 * r2);
-        vec3 both = vec3(2.0 * df.x * dV.x, df.x * dV.y + df.y * dV.x, 2.0 * df.y * dV.y);
-        M += outerProduct(w * (visible * facing / r2), L);
-        G += outerProduct(visible * df + f * vec3(dV, 0.0), L);
-        H += dot(L, LUMINANCE) * (visible * ddf + both + f * ddV);
+        vec3 ddf = 4.0 * cosine * (6.0 * cosine_l * ww - mw - cosine_l * vec3(1.0, 0.0, 1.0)) / (r2 * r2);
+        vec3 cross_terms = vec3(2.0 * df.x * dV.x, df.x * dV.y + df.y * dV.x, 2.0 * df.y * dV.y);
+        M += outerProduct(w * (V * cosine_l / r2), L);
+        G += outerProduct(V * df + f * vec3(dV, 0.0), L);
+        H += dot(L, LUMINANCE) * (V * ddf + cross_terms + f * ddV);
 #endif
     }
-    // the other channels are no sums of light
+    // the remaining channels are sums over rays only
     out_sums = vec4(E, 0.0);
     out_share = vec4(0.0);
 #if GRADIENTS

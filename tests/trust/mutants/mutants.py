@@ -38,24 +38,24 @@ tests/lighting/test_direct.py::test_no_light_leaks_into_the_corners_of_thin_wall
     light from texels that look past the receiver: lit += gap «>= -t.beside → > -1e9» ? vec2(
 tests/gather/test_light_samples.py
     emitters that rays meet counted whole: return «rays * cosine / max(rays * cosine + samples * t * t, …) → 1.0»;
-    light samples' gradient without the emitter's turning: facing * w - «height * m - → » vec3(0.0, 0.0, facing)) / (r2 * r);
-    light samples' Hessian by 20/r⁴ in place of 24/r⁴: («6.0 → 5.0» * facing * ww
-    light samples' gradient without moving shadows: visible * df «+ f * vec3(dV, 0.0) → »
+    light samples' gradient without the emitter's turning: cosine_l * w - «cosine * m - → » vec3(0.0, 0.0, cosine_l)) / (r2 * r);
+    light samples' Hessian by 20/r⁴ in place of 24/r⁴: («6.0 → 5.0» * cosine_l * ww
+    light samples' gradient without moving shadows: V * df «+ f * vec3(dV, 0.0) → »
 tests/gather/test_virtual_lights.py
     spots of lamps that rays meet counted whole: return «1.0 - samples / max(found + samples, …) → 1.0»;
-    one set of virtual lights for all records: «min(int(from.shift.x * float(sets)), sets - 1) → 0»
+    one set of virtual lights for all records: «min(int(receiver.shift.x * float(sets)), sets - 1) → 0»
 tests/gather/test_reduce.py::test_reduction_equals_numpy
     gradient's sign: G += outerProduct(edge.xyz * nearer, «L_b.rgb - L.rgb → L.rgb - L_b.rgb»);
     cosine left out of E: out_sums += direction.w « → / direction.z» * vec4(L.rgb, L.a);
     Hessian by 2/r² in place of 4/r²: H += «4.0 → 2.0» * nearer * nearer
     axes of irradiance vectors swapped: M += outerProduct(«direction.xyz → direction.yxz» * (…), L.rgb);
-    Hessian's axis of the greater eigenvalue: middle < 0.0 ? middle «+ apart : middle - → - apart : middle +» apart
+    Hessian's axis of the greater eigenvalue: mean < 0.0 ? mean «+ half_gap : mean - → - half_gap : mean +» half_gap
     record written beside its texel: vec2 texel = vec2(i % size.x « → + 1», i / size.x) + 0.5;
 tests/gather/test_analytic.py::test_directions_below_the_geometric_surface_count_as_nothing
     directions below the surface counted: dot(direction.xyz, g) > «0.0 → -2.0» ? 1.0 : 0.0
 tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane
     π left out of what a ray brings: vec3 L = outgoing_radiance(material, « → PI *» E);
-    π left out of what a texel brings: vec4(outgoing_radiance(material, « → PI *» E), max(length(away), …));
+    π left out of what a texel brings: vec4(outgoing_radiance(material, « → PI *» E), max(length(to_hit), …));
 tests/gpu/test_bvh.py::test_the_shader_finds_the_same
     far corners of boxes with two axes swapped: vec3(n.y >> 16, «n.z & 0xFFFFu, n.z >> 16 → n.z >> 16, n.z & 0xFFFFu»)
     ray enters a box at its nearest face: <= min(min(«t1.x → t0.x», t1.y), min(t1.z, hit.t))
