@@ -1,15 +1,16 @@
-// A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
+// Splat of a record: a quad that bounds the record's sphere of influence on screen (Jones 2010, figure 1; docs/METHOD.md, 6.1). An instance
+// is a record.
 #include "indirect/splat_depth.glsl"
 #include "indirect/splat_outputs.glsl"
 #include "lib/normals.glsl"
 
-in int in_number;                      // of the record
+in int in_number;                      // number of the record
 
 uniform mat4 clip_from_world;
 uniform vec3 forward;                  // unit, the view axis
-uniform float pixel;                   // size of a pixel at distance 1, in metres
+uniform float pixel;                   // size of a pixel at distance 1, metres
 
-const float OWN_PIXEL = 0.75;  // pixels, reach of a record within a closed mesh
+const float OWN_PIXEL = 0.75;  // pixels: radius of an enclosed record, which covers only its own pixel
 
 void main()
 {
@@ -25,25 +26,25 @@ void main()
     pass_record(texel, ellipse, trust);
 
     vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-    r *= 1.0 + 1e-5;  // so that rounding does not cut the rim
+    r *= 1.0 + 1e-5;  // rounding must not cut off the rim
     if (d <= r)
     {
-        gl_Position = vec4(corner, -1.0, 1.0);  // the eye is inside: the whole screen
+        gl_Position = vec4(corner, -1.0, 1.0);  // with the eye in the sphere, the quad covers the screen
         return;
     }
-    float reach = r;  // along the view axis
-    // in the plane through the centre that faces the eye, a half size of r·d/√(d² - r²) bounds the silhouette
+    float reach = r;  // extent along the view axis, metres
+    // a half size of r·d/√(d² - r²), in the plane through the centre that faces the eye, bounds the silhouette
     vec3 axis = to_eye / d;
     vec3 u = perpendicular(axis);
     vec2 half_size = vec2(r * d / sqrt(d * d - r * r));
     if (hessian)
     {
-        // Then only a slab of the ellipsoid can be reached. With x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k|
-        // is at most (IN_FRONT + x·y/√2)·R, and x·y at most a²/4: the quad is turned to the ellipse on screen, and shrunk to it.
+        // Only a slab of the ellipsoid passes the in-front test: with x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k| is
+        // at most (IN_FRONT + x·y/√2)·R, and x·y at most a²/4. The quad is rotated to the projected ellipse, and bounds the slab.
         float thickness = IN_FRONT / a * ellipse.across + 0.177 * a * r;
         vec3 along = ellipse.along * ellipse.axis, across = ellipse.across * cross(v_normal, ellipse.axis), v = cross(axis, u);
-        mat2 seen = mat2(dot(along, u), dot(across, u), dot(along, v), dot(across, v));
-        float angle = 0.5 * atan(2.0 * dot(seen[0], seen[1]), dot(seen[0], seen[0]) - dot(seen[1], seen[1]) + 1e-30);
+        mat2 C = mat2(dot(along, u), dot(across, u), dot(along, v), dot(across, v));
+        float angle = 0.5 * atan(2.0 * dot(C[0], C[1]), dot(C[0], C[0]) - dot(C[1], C[1]) + 1e-30);
         u = cos(angle) * u + sin(angle) * v;
         v = cross(axis, u);
         reach = min(r, length(vec2(dot(along, forward), dot(across, forward))) + thickness * abs(dot(v_normal, forward)));
@@ -54,9 +55,9 @@ void main()
         if (extent.z < d) half_size = min(half_size, extent.xy * d / (d - extent.z));
     }
     vec3 v = cross(axis, u);
-    half_size = max(half_size, pixel * d);  // a smaller quad than a pixel could fall between pixel centres
+    half_size = max(half_size, pixel * d);  // a quad smaller than a pixel could miss all pixel centres
     gl_Position = clip_from_world * vec4(p + half_size.x * corner.x * u + half_size.y * corner.y * v, 1.0);
-    // the depth test skips surfaces in front of the record's reach; 1e-3: more than rounding
+    // the depth test rejects pixels with a surface in front of the record's reach; 1e-3 exceeds rounding
     float nearest = (1.0 - 1e-3) * (dot(p - eye, forward) - reach);
     gl_Position.z = (2.0 * splat_depth(nearest) - 1.0) * gl_Position.w;
 }

@@ -1,4 +1,4 @@
-// An empty splat buffer: sums of 0, and the weight NOTHING_SEEN where the camera sees nothing, or a side that no light reaches.
+// Clears the splat buffer: sums of 0, and the weight NOTHING_SEEN at pixels without a surface or with an unlit side (docs/METHOD.md, 7.1).
 #include "generated/constants.glsl"
 #include "indirect/splat_depth.glsl"
 #if UNLIT_SIDES
@@ -6,19 +6,19 @@
 #include "lib/surface.glsl"
 #else
 #include "lib/texel.glsl"
-uniform sampler2D position;  // g-buffer
+uniform sampler2D position;  // see lib/gbuffer.glsl
 #endif
 
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y
 #if UNLIT_SIDES
-uniform sampler2D unlit_sides;  // table of triangles: 1 where no light reaches the inner side
-uniform bool all_unlit;         // true if the camera lies within such a mesh
+uniform sampler2D unlit_sides;  // one texel per triangle: 1 if no light reaches the inner side
+uniform bool all_unlit;         // true if the camera lies in a closed mesh without a light
 #endif
 
-layout(location = 0) out vec4 out_sums;
+layout(location = 0) out vec4 out_sums;    // see splat.frag
 layout(location = 1) out vec2 out_weight;
 
-// True if a record at the pixel would be black: it lies in a closed mesh without a light, or on the inner side of one.
+// Return true if a record at the pixel would be black, because the surface lies within a closed mesh without a light.
 bool unlit(ivec2 pixel)
 {
 #if UNLIT_SIDES

@@ -1,34 +1,34 @@
-// The outputs of vertex shaders that draw records with indirect/splat.frag.
+// Outputs of vertex shaders that draw records with indirect/splat.frag. Positions are in world space, in metres.
 #include "records/view_radius.glsl"
 
-flat out vec3 v_place;   // p_k
-flat out vec3 v_normal;
-flat out vec3 v_axis;    // of its ellipse
-flat out vec2 v_radii;   // R along the axis and across it, within the view's bounds
-flat out float v_share;  // the share of its weight that counts in the sums
-flat out float v_sure;   // its squared luminance without the variance of its noise
+flat out vec3 v_place;   // position p_k
+flat out vec3 v_normal;  // unit normal n_k
+flat out vec3 v_axis;    // unit axis of the ellipse
+flat out vec2 v_radii;   // R along the axis and across it, within the bounds of the view, metres
+flat out float v_share;  // factor on the kernel k
+flat out float v_sure;   // 1 - ν², the share of Y² without the variance of the noise
 #if GRADIENTS
-flat out vec2 v_curvature;
-flat out mat3 v_m;
-flat out mat3 v_g;
+flat out vec2 v_curvature;  // second derivatives as shares of the irradiance, 1/m²
+flat out mat3 v_m;          // irradiance vectors M, W/m²
+flat out mat3 v_g;          // gradients ∇E, W/m³
 #else
-flat out vec3 v_irradiance;
+flat out vec3 v_irradiance;  // E, W/m²
 #endif
 
-const float HARDLY = 1e-20;  // so small a share that any other record decides
+const float ENCLOSED_SHARE = 1e-20;  // factor on the kernel of enclosed records: any other record outweighs them
 
-// Passes the record at `texel` on. ellipse, trust: from view_ellipse.
+// Pass the record at `texel` to the fragment shader. ellipse, trust: from view_ellipse.
 void pass_record(ivec2 texel, Ellipse ellipse, float trust)
 {
     v_place = record_position(texel);
     v_normal = record_normal(texel);
     v_axis = ellipse.axis;
     v_radii = vec2(ellipse.along, ellipse.across) / a;
-    v_share = record_enclosed(texel) ? HARDLY : 1.0;
+    v_share = record_enclosed(texel) ? ENCLOSED_SHARE : 1.0;
     v_sure = 1.0 - record_noise(texel) * record_noise(texel);
 #if GRADIENTS
     v_m = record_vectors(texel);
-    // the derivatives hold within the record's own radius; where the view's least radius is greater, they are scaled down
+    // derivatives are valid within the record's radius; if the least radius of the view is greater, they are scaled down
     v_g = record_gradient(texel) * trust;
     v_curvature = usable_curvature(texel) * trust * trust;
 #else

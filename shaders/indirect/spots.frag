@@ -1,38 +1,39 @@
-// One pixel of each square of a view: position and cached irradiance, for comparison with a probe there.
+// The pixels of the spot check (docs/METHOD.md, 7.3): position and cached luminance at one pixel per square of a view, for comparison with
+// a probe.
 #include "generated/constants.glsl"
 #include "lib/gbuffer.glsl"
 
-uniform sampler2D sums;      // Σ k·E, Σ k, of every pixel
-uniform float pixel_size;    // metres between pixels at distance 1
+uniform sampler2D sums;      // Σ k·E, Σ k of all pixels
+uniform float pixel_size;    // size of a pixel at distance 1, metres
 uniform int stride;          // pixels along a side of the squares; each square has one probed pixel
-uniform ivec2 corner;        // of the drawn part, in pixels of the whole picture
+uniform ivec2 corner;        // first pixel of the drawn part, in the whole picture
 uniform ivec2 whole;         // size of the whole picture in pixels
-uniform ivec2 first;         // the first square
+uniform ivec2 first;         // column and row of the first square
 
-layout(location = 0) out vec4 out_position;  // w: 1 where records contribute, and the surface reflects more than it emits
-layout(location = 1) out vec4 out_normal;    // its shading normal, geometric normal octahedral .x
-layout(location = 2) out vec4 out_rest;      // geometric normal octahedral .y, luminance of E in W/m², triangle; 1 at a crease
+layout(location = 0) out vec4 out_position;  // w: 1 if records contribute, and the surface reflects at least as much as it emits; else 0
+layout(location = 1) out vec4 out_normal;    // shading normal; w: octahedral x of the geometric normal
+layout(location = 2) out vec4 out_rest;      // octahedral y of the geometric normal, luminance of E, W/m², triangle; 1 at a crease, else 0
 
-const float STEEP = 0.2;      // least sine of the angle between a plane and the way to a surface that rises above it
-const float FAR = 8.0;        // pixel distances per pixel: greatest distance to a surface that counts
+const float STEEP = 0.2;      // least sine of the angle between a plane and the direction to a surface above the plane
+const float FAR = 8.0;        // greatest distance to the surface, in pixel sizes per pixel on screen
 
-// 1 where a surface rises above the plane at p with normal n within MARGIN pixels. At the foot of a ledge, light changes within the
-// height of the ledge, and records all around agree.
+// Return 1 if a surface within MARGIN pixels rises above the plane at p with normal n, else 0. At the foot of a ledge, light changes within
+// the height of the ledge, and all records around agree.
 float at_crease(ivec2 pixel, vec3 p, vec3 n)
 {
-    float found = 0.0;
+    float crease = 0.0;
     for (int i = 0; i < 4 * MARGIN; ++i)
     {
         int pixels = 1 + i / 4;
         ivec2 step = (i & 2) == 0 ? ivec2(pixels, 0) : ivec2(0, pixels);
         ivec2 at = pixel + ((i & 1) == 0 ? step : -step);
         if (at + corner != clamp(at + corner, ivec2(0), whole - 1)) continue;
-        vec4 other = texel_at(position, clamp(at, ivec2(0), textureSize(position, 0) - 1));
-        vec3 way = other.xyz - p;
-        float d = length(way);
-        if (other.w > 0.0 && dot(way, n) > STEEP * d && d < FAR * pixel_size * other.w * float(pixels)) found = 1.0;
+        vec4 neighbour = texel_at(position, clamp(at, ivec2(0), textureSize(position, 0) - 1));
+        vec3 offset = neighbour.xyz - p;
+        float d = length(offset);
+        if (neighbour.w > 0.0 && dot(offset, n) > STEEP * d && d < FAR * pixel_size * neighbour.w * float(pixels)) crease = 1.0;
     }
-    return found;
+    return crease;
 }
 
 void main()

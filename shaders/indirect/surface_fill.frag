@@ -1,12 +1,12 @@
-// Holes while a view fills: the marked pixels take the irradiance of the surface cache.
+// Fills holes: pixels that temporal.frag has marked take the irradiance of the surface cache (docs/METHOD.md, 8.2).
 #include "lib/gbuffer.glsl"
 #include "lib/same_surface.glsl"
 #include "surface_cache/lookup.glsl"
 
-uniform int pixel_stride;    // pixels of the g-buffer per pixel drawn, in x and y
+uniform int pixel_stride;    // pixels of the g-buffer per drawn pixel, in x and y
 
-layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth
-layout(location = 1) out float out_facing;
+layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth; depth in metres
+layout(location = 1) out float out_facing;  // facing_of the normal
 
 void main()
 {

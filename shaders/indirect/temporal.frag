@@ -1,42 +1,42 @@
-// Temporal accumulation: a share of the records' present irradiance, and for the remainder the last picture's irradiance at the place
-// in the world. The depth buffer marks pixels without either of them for surface_fill.frag.
+// Temporal accumulation (docs/METHOD.md, 8.4): a blend of the records' irradiance with that of the last picture at the same world position.
+// The depth buffer marks pixels without any irradiance for surface_fill.frag.
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
-uniform sampler2D position;    // g-buffer
+uniform sampler2D position;    // see lib/gbuffer.glsl
 uniform sampler2D normal;
 uniform sampler2D sums;        // Σ k·E, Σ k
-uniform sampler2D shown;       // the last picture's E/depth, 1/depth; 0 without irradiance; linearly filtered
-uniform sampler2D shown_facing;  // facing_of of its surfaces; linearly filtered
-uniform vec3 dimming;          // factors on its irradiance: all light has changed by these since
-uniform mat4 clip_from_world;  // of the last picture
-uniform vec4 shown_place;      // scale and offset from clip space to `shown`
+uniform sampler2D shown;       // last picture: E/depth, 1/depth; 0 without irradiance; linearly filtered
+uniform sampler2D shown_facing;  // last picture: facing_of the normals; linearly filtered
+uniform vec3 dimming;          // factors by which all light has changed since the last picture
+uniform mat4 clip_from_world;  // camera of the last picture
+uniform vec4 shown_place;      // scale (xy) and offset (zw) from normalised device coordinates to `shown`
 uniform int pixel_stride;      // pixels of the g-buffer per pixel of the sums, in x and y
-uniform bool accumulating;     // true if there is a last picture; else the records decide alone
-uniform bool filling;          // true if pixels without records take the last picture's irradiance, or are marked
-uniform bool kept;             // true if pixels without records keep the irradiance of the last picture
-uniform float share;           // of the records' irradiance, 0..1
+uniform bool accumulating;     // true if there is a last picture; false: records alone
+uniform bool filling;          // true if pixels without records take the irradiance of the last picture, or are marked
+uniform bool kept;             // true if pixels without records may keep the irradiance of the last picture
+uniform float share;           // share s of the records' irradiance, 0..1
 
-layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth
-layout(location = 1) out float out_facing;
+layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth; depth in metres
+layout(location = 1) out float out_facing;  // facing_of the normal
 
-const float OTHER_DEPTH = 0.02;  // relative difference of depth above which a reprojected pixel is another surface
-const float OTHER_FACING = 0.1;  // difference of facing_of above which it is another side
+const float OTHER_DEPTH = 0.02;  // relative difference of depth above which the last picture shows another surface
+const float OTHER_FACING = 0.1;  // difference of facing_of above which the last picture shows another side
 
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 p = texel_at(position, pixel * pixel_stride), s = texel_at(sums, pixel);
-    // along a plane, 1/depth is linear on screen: between four pixels of one plane it is that of the place, and else not
-    vec4 clip = clip_from_world * vec4(p.xyz, 1.0);  // w: depth in the last picture
+    // along a plane, 1/depth is linear on screen: the filtered value equals 1/depth only if all four pixels lie on one plane
+    vec4 clip = clip_from_world * vec4(p.xyz, 1.0);  // w: depth in the last picture, metres
     vec2 place = clip.xy / clip.w * shown_place.xy + shown_place.zw;
-    vec4 before = textureLod(shown, place, 0.0);
+    vec4 last = textureLod(shown, place, 0.0);
     out_facing = facing_of(texel_at(normal, pixel * pixel_stride).xyz);
-    bool same = abs(before.a * clip.w - 1.0) <= OTHER_DEPTH && abs(textureLod(shown_facing, place, 0.0).r - out_facing) <= OTHER_FACING;
-    bool known = accumulating && p.w > 0.0 && same && place == clamp(place, 0.0, 1.0);
-    vec3 E = s.rgb / max(s.a, 1e-20), E_before = dimming * before.rgb / max(before.a, 1e-20);
-    E = s.a > 0.0 ? (known ? mix(E_before, E, share) : E) : E_before;
-    bool shows = p.w > 0.0 && (s.a > 0.0 || filling && known && kept);
-    out_sums = shows ? vec4(E, 1.0) / p.w : vec4(0.0);
-    gl_FragDepth = filling && p.w > 0.0 && !shows ? 1.0 : 0.0;
+    bool matches = abs(last.a * clip.w - 1.0) <= OTHER_DEPTH && abs(textureLod(shown_facing, place, 0.0).r - out_facing) <= OTHER_FACING;
+    bool reprojected = accumulating && p.w > 0.0 && matches && place == clamp(place, 0.0, 1.0);
+    vec3 E = s.rgb / max(s.a, 1e-20), E_last = dimming * last.rgb / max(last.a, 1e-20);
+    E = s.a > 0.0 ? (reprojected ? mix(E_last, E, share) : E) : E_last;
+    bool has_light = p.w > 0.0 && (s.a > 0.0 || filling && reprojected && kept);
+    out_sums = has_light ? vec4(E, 1.0) / p.w : vec4(0.0);
+    gl_FragDepth = filling && p.w > 0.0 && !has_light ? 1.0 : 0.0;
 }

@@ -1,18 +1,18 @@
-// Upsampling, second draw: the marked pixels take the mean of those of the sixteen coarse pixels around that lie on their own
-// surface (joint bilateral upsampling, Kopf et al. 2007).
+// Upsampling, last of three draws (docs/METHOD.md, 8.1): a marked pixel takes the mean of those of the 16 surrounding coarse pixels
+// that lie on its surface (joint bilateral upsampling, Kopf et al. 2007).
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 #include "generated/constants.glsl"
 
-uniform sampler2D position;  // g-buffer, of all pixels
+uniform sampler2D position;  // see lib/gbuffer.glsl; all pixels
 uniform sampler2D normal;
 uniform sampler2D sums;      // Σ k·E, Σ k of the coarse pixels
-uniform sampler2D weight;
+uniform sampler2D weight;    // Σw of the coarse pixels
 
 layout(location = 0) out vec4 out_sums;    // E and 1
-layout(location = 1) out vec2 out_weight;  // Σw of a coarse pixel, and Y²
+layout(location = 1) out vec2 out_weight;  // Σw of the nearest coarse pixel, and Y²: no inter-record variance
 
-const float OTHER_SURFACE = 1e-4;  // weight of coarse pixels on other surfaces: they decide only where there is none on this one
+const float OTHER_SURFACE = 1e-4;  // weight of coarse pixels on other surfaces: they count only without a pixel on this surface
 
 void main()
 {
@@ -25,8 +25,8 @@ void main()
         ivec2 off = ivec2(i & 3, i >> 2) - 1, at = clamp(first + off, ivec2(0), last);
         vec3 q = texel_at(position, 2 * at).xyz, m = texel_at(normal, 2 * at).xyz;
         vec4 sum = texel_at(sums, at);
-        float cosine = max(dot(n, m), 0.01), apart = distance(vec2(off), offset);
-        float share = exp2(-2.0 * apart * apart) * (same_surface(p, n, q, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
+        float cosine = max(dot(n, m), 0.01), d = distance(vec2(off), offset);
+        float share = exp2(-2.0 * d * d) * (same_surface(p, n, q, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
         out_sums += sum.a > COVERED ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
     }
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);

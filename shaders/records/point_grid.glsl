@@ -1,22 +1,22 @@
-// Finding points by place in a grid of irrsplat/records/radius_limit_pass.py.
+// Search for nearby points in a grid, made by irrsplat/records/radius_limit_pass.py.
 #include "lib/table.glsl"
 
-uniform sampler2D grid_edges;   // texel i: the i-th plane across x, y and z
-uniform sampler2D grid_starts;  // where each cell begins among the points, TABLE_COLUMNS a row
-uniform sampler2D grid_points;  // cell by cell: xyz place, w number; TABLE_COLUMNS a row
-uniform int grid_cells;         // along an axis
+uniform sampler2D grid_edges;   // texel i: coordinates of the i-th grid plane across x, y and z, metres
+uniform sampler2D grid_starts;  // number of the first point of each cell, TABLE_COLUMNS cells per row
+uniform sampler2D grid_points;  // points cell by cell: xyz position, metres; w number; TABLE_COLUMNS points per row
+uniform int grid_cells;         // cells along each axis
 
-// A walk through the cells of a box, row by row along x: the points of a row lie one after the other.
+// A walk through the cells of a box, row by row along x. The points of a row are consecutive.
 struct Walk
 {
-    ivec3 first;  // cell
-    ivec3 last;
+    ivec3 first;  // first cell
+    ivec3 last;   // last cell
     ivec2 row;    // y and z of the next row
     int next;     // number of the next point of this row
-    int end;      // and of the first beyond it
+    int end;      // number of the first point after this row
 };
 
-// The cell of p along each axis, by bisection; beyond the grid it is the outermost one.
+// Return the cell of p along each axis, by bisection; the outermost cell for a point outside of the grid.
 ivec3 grid_cell(vec3 p)
 {
     vec3 low = vec3(0.0), high = vec3(grid_cells - 1);
@@ -33,21 +33,22 @@ ivec3 grid_cell(vec3 p)
     return ivec3(low);
 }
 
+// Return the number of the first point of a cell.
 int grid_start(int cell)
 {
     return int(texelFetch(grid_starts, table_texel(cell), 0).r);
 }
 
-// Starts a walk that finds all points in the box between two corners, and some beyond it.
+// Return a walk that finds all points in the box between two corners, and some points outside of the box.
 Walk grid_walk(vec3 low, vec3 high)
 {
     vec3 least = texelFetch(grid_edges, ivec2(0, 0), 0).xyz, greatest = texelFetch(grid_edges, ivec2(grid_cells, 0), 0).xyz;
     ivec3 first = grid_cell(low), last = grid_cell(high);
-    bool apart = any(greaterThan(low, greatest)) || any(lessThan(high, least));
-    return Walk(first, last, ivec2(first.y, apart ? grid_cells : first.z), 0, 0);
+    bool disjoint = any(greaterThan(low, greatest)) || any(lessThan(high, least));
+    return Walk(first, last, ivec2(first.y, disjoint ? grid_cells : first.z), 0, 0);
 }
 
-// Takes a step, to the next point (found) or else to the next row; returns false at the end of the walk.
+// Advance a walk to the next point (found is true) or to the next row (found is false). Return false at the end of the walk.
 bool grid_step(inout Walk walk, out bool found, out vec4 point)
 {
     found = walk.next < walk.end;

@@ -1,29 +1,28 @@
-// Limit of a record's reach by inter-record variance, as a share of its radii; a fragment is a record.
-// The record's extrapolation to another's place is compared with the irradiance gathered there. The relative difference is
-// assumed to grow with the square of the distance. The limit is the distance at which it reaches `adapt` (after Křivánek et al.
-// 2006, "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
+// The limit of a record's radii by inter-record differences, as a share of the radii (docs/METHOD.md, 5.5). A fragment is a record.
+// The record extrapolates to the positions of its neighbours, and is compared with the irradiance that they gathered. The relative
+// difference is assumed to grow with the square of the distance. The limit is the distance at which the difference reaches `adapt` (after
+// Křivánek et al. 2006, "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
 #include "records/weight.glsl"
 #include "records/record.glsl"
 #include "records/point_grid.glsl"
 
-uniform float adapt;        // relative difference that is allowed at the rim of a record's ellipse
-uniform sampler2D targets;  // numbers of the records to limit, one a texel, row by row
-uniform int count;          // of those records
-uniform bool by_all;        // each is compared with those of higher numbers too, not only with those that came before it
+uniform float adapt;        // allowed relative difference at the rim of a record's ellipse
+uniform sampler2D targets;  // numbers of the records to limit, one per texel, row by row
+uniform int count;          // number of records to limit
+uniform bool by_all;        // true if records are compared with all others; false: only with records of lower numbers, which are older
 
 layout(location = 0) out float out_limit;
 
-// IN_FRONT is from settings.py. COMPARED_WITHIN, from radius_limit_pass.py, is the greatest distance of compared records, in
-// radii a·R: more than 1, since a place between two records may be covered by only one of them.
-// Records whose normals differ by more than the angle of this cosine are not compared.
-const float COMPARABLE_COSINE = 0.7;
-const float SURE = 2.0;  // standard errors of a difference, which may be noise: the least limit is by the greatest of many differences
+// COMPARED_WITHIN, from radius_limit_pass.py, is the greatest distance of compared records, in radii a·R. It is more than 1, because only
+// one of two records may cover a point between them.
+const float COMPARABLE_COSINE = 0.7;  // least cosine between the normals of compared records
+const float NOISE_ERRORS = 2.0;  // standard errors of noise that do not count: the greatest of many differences would be noise
 
 void main()
 {
-    ivec2 here = ivec2(gl_FragCoord.xy);
-    bool requested = here.y * textureSize(targets, 0).x + here.x < count;
-    int number = int(texelFetch(targets, here, 0).r);
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    bool requested = pixel.y * textureSize(targets, 0).x + pixel.x < count;
+    int number = int(texelFetch(targets, pixel, 0).r);
     ivec2 texel = table_texel(number);
     vec3 p = record_position(texel), n = record_normal(texel);
     float Y = dot(record_irradiance(texel), LUMINANCE);
@@ -37,24 +36,24 @@ void main()
 #endif
     float limit = 1.0, range = requested ? COMPARED_WITHIN * a * max(R.x, R.y) * 1.0001 : -1e30;
     Walk walk = grid_walk(p - range, p + range);
-    vec4 other;
+    vec4 neighbour;
     bool found;
-    while (grid_step(walk, found, other))
+    while (grid_step(walk, found, neighbour))
     {
-        vec3 apart = other.xyz - p;
-        float at = record_distance(apart, ellipse.axis, R);
-        if (!found || !by_all && int(other.w) > number) continue;
-        if (at >= COMPARED_WITHIN * a || at <= 0.0) continue;
-        ivec2 theirs = table_texel(int(other.w));
-        if (record_enclosed(theirs)) continue;
-        vec3 n_j = record_normal(theirs);
-        if (dot(n, n_j) < COMPARABLE_COSINE || abs(dot(apart, n + n_j)) * 0.5 > IN_FRONT * R.y) continue;
-        float Y_j = dot(record_irradiance(theirs), LUMINANCE);
-        float Y_turned = dot(M, n_j) + LUNES * (1.0 - dot(n, n_j)) * dot(M, n);  // as turned() has it
-        float Y_here = extrapolated(vec3(Y_turned), vec3(dot(gradient, apart)), apart, n, ellipse.axis, curvature).x;
-        float off = Y_here - Y_j, noise = SURE * length(vec2(record_noise(texel) * Y, record_noise(theirs) * Y_j));
-        float difference = sqrt(max(off * off - noise * noise, 0.0)) / error_scale(max(Y, Y_j));
-        limit = difference * at * at > 0.0 ? min(limit, at / a * sqrt(adapt / difference)) : limit;
+        vec3 offset = neighbour.xyz - p;
+        float distance = record_distance(offset, ellipse.axis, R);
+        if (!found || !by_all && int(neighbour.w) > number) continue;
+        if (distance >= COMPARED_WITHIN * a || distance <= 0.0) continue;
+        ivec2 texel_j = table_texel(int(neighbour.w));
+        if (record_enclosed(texel_j)) continue;
+        vec3 n_j = record_normal(texel_j);
+        if (dot(n, n_j) < COMPARABLE_COSINE || abs(dot(offset, n + n_j)) * 0.5 > IN_FRONT * R.y) continue;
+        float Y_j = dot(record_irradiance(texel_j), LUMINANCE);
+        float Y_rotated = dot(M, n_j) + LUNES * (1.0 - dot(n, n_j)) * dot(M, n);  // as rotated_irradiance()
+        float Y_extrapolated = extrapolated_irradiance(vec3(Y_rotated), vec3(dot(gradient, offset)), offset, n, ellipse.axis, curvature).x;
+        float error = Y_extrapolated - Y_j, noise = NOISE_ERRORS * length(vec2(record_noise(texel) * Y, record_noise(texel_j) * Y_j));
+        float difference = sqrt(max(error * error - noise * noise, 0.0)) / error_scale(max(Y, Y_j));
+        limit = difference * distance * distance > 0.0 ? min(limit, distance / a * sqrt(adapt / difference)) : limit;
     }
     out_limit = limit;
 }

@@ -18,8 +18,8 @@ void main()
     ivec2 pixel = ivec2(gl_FragCoord.xy * scale);
     vec4 p = texelFetch(position, pixel, 0);
     if (p.w == 0.0) discard;
-    vec3 apart = p.xyz - v_place;
-    float w = record_weight(apart, v_axis, v_radii, texelFetch(normal, pixel, 0).xyz, v_normal);
+    vec3 offset = p.xyz - v_place;
+    float w = record_weight(offset, v_axis, v_radii, texelFetch(normal, pixel, 0).xyz, v_normal);
     if (w <= 1.0 / a) discard;
     out_color = vec4(tint, mix(0.85, 0.4, 1.0 / (a * w)));
 }

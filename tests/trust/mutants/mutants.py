@@ -61,14 +61,14 @@ tests/gpu/test_bvh.py::test_the_shader_finds_the_same
     ray enters a box at its nearest face: <= min(min(«t1.x → t0.x», t1.y), min(t1.z, hit.t))
 tests/indirect/test_splat.py::test_splatting_equals_numpy
     weight without the square root: + «sqrt → »(max(0.0, 1.0 - cosine)), LEAST_ERROR)
-    records in front of a pixel count: abs(dot(apart, n + n_k)) * 0.5 > «IN_FRONT → 99.0» * R.y)
+    records in front of a pixel count: abs(dot(offset, n + n_k)) * 0.5 > «IN_FRONT → 99.0» * R.y)
     kernel stops short of zero at the rim: (hessian ? w « - least → » : w)
     ellipse without the root: vec2 radii = «sqrt → »(square / max(
     quad too small for its sphere: vec2(«r * d / sqrt(d * d - r * r) → 0.9 * r»)
 tests/indirect/test_splat.py::test_a_quadratic_field_is_extrapolated_exactly
     second order without its half: clamp(«0.5 → 1.0» * (curvature.x * along * along
 tests/records/test_adapt.py::test_limits_equal_numpy_in_any_order
-    limit of a radius by the difference in place of its root: at / a * «sqrt → »(adapt / difference)
+    limit of a radius by the difference in place of its root: distance / a * «sqrt → »(adapt / difference)
 tests/records/test_adapt.py::test_the_limits_of_many_are_those_of_the_few_near_them
     grid's cell index with two axes swapped: («walk.row.y * grid_cells + walk.row.x → walk.row.x * grid_cells + walk.row.y»)
 tests/indirect/test_examine.py::test_examination_equals_numpy
