@@ -1,4 +1,4 @@
-// Points of emitters for next-event samples: the triangle of a random number, the radiance of a point of it, and its visibility.
+// Sampling of emissive triangles for next-event estimation (METHOD.md, 3.8): choice of a triangle, and radiance of its points.
 #include "lighting/emitters.glsl"
 #include "generated/vertex_table.glsl"
 #include "lib/material_table.glsl"
@@ -7,19 +7,20 @@
 #include "lib/rays/cut_outs.glsl"
 #endif
 
-uniform sampler2D emitter_triangles;  // a texel each: its number, the share of its cluster's power up to it, the density
-                                      // of samples in the cluster, m⁻², and 1 if only its front can be seen
+uniform sampler2D emitter_triangles;  // per emissive triangle: number in the scene, cumulative share of the cluster's power,
+                                      // density per sample in the cluster, m⁻², and 1 if only the front is visible
 
+// A chosen emissive triangle.
 struct Emitter
 {
-    int triangle;      // its number in the scene
-    float density;     // of the samples that its cluster gets, m⁻²
-    float importance;  // of its cluster
+    int triangle;      // number in the scene
+    float density;     // density per sample in the cluster, m⁻²
+    float importance;  // importance of the cluster
     bool one_sided;
-    float rest;        // unused part of the random number, 0..1
+    float rest;        // remainder of the random number, 0..1
 };
 
-// The sum of all clusters' importances.
+// Return the sum of the importances of all clusters.
 float all_importance(vec3 eye)
 {
     float sum = 0.0;
@@ -27,7 +28,7 @@ float all_importance(vec3 eye)
     return sum;
 }
 
-// The emitter that a random number stands for: u of 0..1, times the sum of all importances.
+// Return the emitter for u: a random number in 0..1, times the sum of all importances.
 Emitter choose_emitter(float u, vec3 eye)
 {
     int cluster = 0;
@@ -38,8 +39,8 @@ Emitter choose_emitter(float u, vec3 eye)
         importance = cluster_importance(++cluster, eye);
     }
     u = clamp(u / importance, 0.0, 1.0);
-    vec4 about = emitter_clusters[2 * cluster + 1];
-    int low = int(about.y), first = low, high = low + int(about.z) - 1;  // the first whose share is no less than u
+    vec4 cluster_row = emitter_clusters[2 * cluster + 1];
+    int low = int(cluster_row.y), first = low, high = low + int(cluster_row.z) - 1;  // the first with a cumulative share of at least u
     while (low < high)
     {
         int middle = (low + high) >> 1;
@@ -48,23 +49,23 @@ Emitter choose_emitter(float u, vec3 eye)
         high = less ? high : middle;
     }
     vec4 chosen = texel_at(emitter_triangles, table_texel(low));
-    float before = low > first ? texel_at(emitter_triangles, table_texel(low - 1)).y : 0.0;
-    float rest = clamp((u - before) / max(chosen.y - before, 1e-20), 0.0, 1.0);
+    float previous = low > first ? texel_at(emitter_triangles, table_texel(low - 1)).y : 0.0;
+    float rest = clamp((u - previous) / max(chosen.y - previous, 1e-20), 0.0, 1.0);
     return Emitter(int(chosen.x), chosen.z, importance, chosen.w > 0.5, rest);
 }
 
-// A point that is spread evenly over a triangle where u and v are evenly spread over the unit square: its shares of the corners.
+// Return barycentric coordinates that are uniform on a triangle if u and v are uniform on the unit square.
 vec3 uniform_point(float u, float v)
 {
     u = sqrt(u);
     return vec3(1.0 - u, u * (1.0 - v), u * v);
 }
 
-// The radiance of the triangle at that point, a mean over so many m² about it; none where it is cut out.
-vec3 emitter_radiance(int triangle, vec3 share, float area)
+// Return the emitted radiance at a point of a triangle, as a mean over `area` m²; 0 in a hole.
+vec3 emitter_radiance(int triangle, vec3 barycentric, float area)
 {
     ivec3 number = triangle_vertices(triangle);
-    Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(share, A, B, C);
+    Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(barycentric, A, B, C);
 #if CUT_OUTS
     if (triangle_corner(triangle, 0).w < 0.0 && light_passes(point)) return vec3(0.0);
 #endif

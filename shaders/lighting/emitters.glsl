@@ -1,14 +1,13 @@
-// Emissive triangles as area lights: density and positions of next-event samples for a receiver.
-// The tables come from irrsplat/lighting/emitter_table.py. A cluster of triangles is drawn by its power over the square of its
-// distance, and a triangle in it by power: luminance times area.
+// Clusters of emissive triangles for next-event estimation (METHOD.md, 3.8), from irrsplat/lighting/emitter_table.py. A cluster is
+// chosen by importance, and a triangle in it by power: luminance times area.
 #include "generated/constants.glsl"
 #include "lib/table.glsl"
 
-uniform vec4 emitter_clusters[2 * MAX_EMITTER_CLUSTERS];  // centre, radius²; power, its first triangle in the list, their number
+uniform vec4 emitter_clusters[2 * MAX_EMITTER_CLUSTERS];  // centre, radius²; power, number of the first triangle, number of triangles
 uniform int emitter_cluster_count;
-uniform float emitter_samples;  // of each record
+uniform float emitter_samples;  // samples per record
 
-// The power of cluster i over the square of its distance from p; in the cluster's ball, of the ball's radius.
+// Return the importance of cluster i at p: its power over the squared distance, which is at least the squared radius.
 float cluster_importance(int i, vec3 p)
 {
     vec4 ball = emitter_clusters[2 * i];

@@ -1,28 +1,28 @@
-// Direct irradiance of the scene's point, spot and directional lights and luminaires, with their shadow maps. The light table and the
-// tiles of the shadow maps come from irrsplat/lighting/light_table.py: light i has LIGHT_ROWS rows from i·LIGHT_ROWS on, which
-// LightRow in irrsplat/core/buffers.py explains.
+// Direct irradiance from all lights, with shadow maps (Jones 2010, 2.4, 3.3; METHOD.md, 9.1, 9.2). irrsplat/lighting/light_table.py
+// makes the light table and the tiles of the shadow maps. Light i has LIGHT_ROWS rows from i·LIGHT_ROWS on, see LightRow in
+// irrsplat/core/buffers.py.
 #include "generated/constants.glsl"
 #include "lib/texel.glsl"
 #if SHADOW_RAYS
 #include "lib/rays/bvh.glsl"
 #endif
 
-// Defined by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has the named property. Code that
-// no light needs is not compiled, since software renderers run both sides of every branch. ANYWHERE: receivers may also lie outside of
-// the scene's bounding box.
+// Defines by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has the named property. Unused code
+// is not compiled, because software renderers run both sides of every branch. ANYWHERE: receivers may lie outside of the scene's
+// bounding box.
 uniform vec4 light_table[LIGHT_ROWS * max(LIGHTS, 1)];
-uniform sampler2D shadow_depth;  // every tile of every light, side by side
-uniform vec3 shadow_layout;      // tile side in texels, tiles per row, metres of depth in point and spot tiles
+uniform sampler2D shadow_depth;  // tiles of all lights, side by side
+uniform vec3 shadow_layout;      // side of a tile in texels, tiles per row, depth of perspective tiles in metres
 
 #if LIGHTS_WITH_LUMINAIRE
-// Made by irrsplat/lighting/luminaire_table.py: a rotation of each luminaire, and the photometries of all luminaires.
+// From irrsplat/lighting/luminaire_table.py: the rotation of each luminaire, and the photometries of all luminaires.
 uniform vec4 luminaire_table[LUMINAIRE_ROWS * LIGHTS];
 uniform sampler2D photometry;
 
-const float BEYOND = 1e-3;  // degrees by which rounding may take a direction beyond the ends of a photometry
+const float BEYOND = 1e-3;  // degrees: greatest rounding of a direction beyond the ends of a photometry
 
-// The number of the last of `count` rising angles (but one) that is not above `angle`, and the share of the way from there to the
-// next one. The angles are in the photometry's texels from `first` on, in the direction `step`.
+// Return the position of `angle` between `count` ascending angles: number of the last angle that is not greater, and fraction of the
+// interval to the next one. The angles are in texels of the photometry, from `first` in steps of `step`.
 vec2 angle_place(ivec2 first, ivec2 step, int count, float angle)
 {
     int low = 0, high = count - 1;
@@ -37,7 +37,7 @@ vec2 angle_place(ivec2 first, ivec2 step, int count, float angle)
     return vec2(float(low), clamp((angle - below) / max(above - below, 1e-9), 0.0, 1.0));
 }
 
-// The radiant intensity of light i along the unit vector w, W/sr, where its colour is 1; 1 where it is no luminaire.
+// Return the radiant intensity of light i in the unit direction w, W/sr per unit of its colour; 1 for other lights than luminaires.
 float luminaire_intensity(int i, vec3 w)
 {
     i *= LUMINAIRE_ROWS;
@@ -59,56 +59,57 @@ float luminaire_intensity(int i, vec3 w)
 }
 #endif
 
+// A point that receives light.
 struct Receiver
 {
-    vec3 p;  // world position
+    vec3 p;  // position, world space, metres
     vec3 n;  // unit shading normal, turned to the viewer
     vec3 g;  // unit geometric normal, turned to the viewer
-    float rise;  // FLAT, or CURVED where neighbouring facets may lie before its plane without a shadow; records take FLAT,
-                 // since they add up its leaks
+    float rise;  // bias in texels: FLAT, or CURVED if neighbouring facets may rise above the plane. Records use FLAT, because they sum the
+                 // leaks of CURVED.
 };
 
-// A receiver in the coordinates of the tile that sees it. Depths are those of a parallel tile, 0..1, or -1/z of a perspective one:
-// both grow away from the light, and are affine in x and y on a plane.
+// A receiver in the coordinates of a shadow tile. Depth is 0..1 in a parallel tile, and -1/z in a perspective tile. Both increase away from
+// the light, and are affine in x and y on a plane.
 struct Projected
 {
-    int tile;         // number of the tile in the texture
-    vec3 q;           // the point: |x|, |y| <= z inside a perspective tile, <= 1 inside a parallel one
-    vec3 m;           // the normal of its tangent plane: m·q = k
+    int tile;         // number of the tile
+    vec3 q;           // position: |x|, |y| <= z in a perspective tile, <= 1 in a parallel one
+    vec3 m;           // normal of the tangent plane: m·q = k
     float k;
-    float range;      // metres of depth in a parallel tile; 0: perspective
-    vec2 texel;       // where the point is in the tile, in texels
+    float range;      // depth of a parallel tile, metres; 0: perspective
+    vec2 texel;       // position in the tile, texels
     vec2 corner;      // first texel of the tile
-    vec3 plane;       // dotted with (texel, 1): the depth of the tangent plane
-    float own;        // depth of the point
-    float nearest;    // the least depth of the plane that counts
-    float tolerance;  // an occluder less far before the plane is the plane itself
-    float beside;     // a surface farther behind or before the plane is certainly another one
+    vec3 plane;       // dot product with (texel, 1): depth of the tangent plane
+    float depth;      // depth of the position
+    float least;      // lower limit of the plane's depth
+    float tolerance;  // least depth of an occluder in front of the plane
+    float separation; // at a greater depth in front of or behind the plane, a surface is certainly another one
 };
 
-const float BIAS = 0.1;       // of depth, in sizes of a texel
+const float BIAS = 0.1;       // bias of depth, in sizes of a texel, for rounding
 const float FLAT = 0.02;      // texels by which a rasteriser may shift a triangle
-const float CURVED = 0.5;     // texels: in a fold of a curved surface the next facet rises before the plane of this one
-const float BESIDE = 2.0;     // as BIAS, and three steps of its slope
-const float STRAIGHT = 0.9999;  // cosine of the angle between interpolated and geometric normal of a flat surface, at least
+const float CURVED = 0.5;     // texels: in a concave fold, the next facet rises above the plane of this one
+const float SEPARATION = 2.0; // in sizes of a texel, plus three texels of slope
+const float STRAIGHT = 0.9999;  // least cosine between interpolated and geometric normal on a flat surface
 
-// By how much of depth the shadow map's texel `offset` texels from the receiver sees something before the receiver's tangent plane;
-// below 0: behind it. The plane's depth is taken at the texel's centre, so that a plane does not shadow itself at any slope.
+// Return the depth of the receiver's tangent plane minus the stored depth, `offset` texels from the receiver: positive for an occluder. The
+// plane's depth is that at the texel's centre, so that a plane does not shadow itself at any slope.
 float shadow_gap(Projected r, vec2 offset)
 {
     vec2 texel = clamp(floor(r.texel + offset), vec2(0.0), vec2(shadow_layout.x - 1.0));
     float stored = texel_at(shadow_depth, ivec2(r.corner + texel)).r;
-    float expected = clamp(dot(r.plane, vec3(texel + 0.5, 1.0)), r.nearest, r.own);
+    float expected = clamp(dot(r.plane, vec3(texel + 0.5, 1.0)), r.least, r.depth);
 #if LIGHTS_PARALLEL
 #ifdef ANYWHERE
-    if (r.range > 0.0 && stored == 1.0) return 0.0;  // nothing there, for a receiver beyond the tile's depth
+    if (r.range > 0.0 && stored == 1.0) return 0.0;  // no occluder, and perhaps a receiver beyond the tile's depth
 #endif
     if (r.range > 0.0) return expected - stored;
 #endif
     return stored < 1.0 ? expected + 1.0 / max(stored * shadow_layout.z, 1e-20) : expected;
 }
 
-// The tile of a point light that sees d = p - light, with d and g in that tile's axes; light_table.py has the same six tiles.
+// Set the tile of a point light that contains d = p - light, and map d and g to its axes. light_table.py has these six tiles.
 void cube_tile(vec3 d, vec3 g, inout Projected t)
 {
     vec3 s = abs(d);
@@ -133,11 +134,11 @@ void cube_tile(vec3 d, vec3 g, inout Projected t)
 }
 
 #if SHADOW_RAYS
-// 1 if nothing stands between the receiver and light i, else 0.
+// Return 1 if no surface lies between the receiver and light i, else 0.
 float shadow_ray(int i, Receiver r)
 {
     vec4 light = light_table[i * LIGHT_ROWS + LIGHT_POSITION];
-    float off = ROUNDING * shadow_layout.z;  // metres, off the receiver, and off the light
+    float off = ROUNDING * shadow_layout.z;  // metres: gap at the receiver and at the light
     vec3 from = r.p + off * r.g, to_light = light.w > 0.5 ? light.xyz : light.xyz - from;
     float distance = length(to_light), end = light.w > 0.5 ? FARTHEST_HIT : distance - off;
     return float(bvh_between(from, to_light / distance, 0.0, end).t >= end);
@@ -145,10 +146,10 @@ float shadow_ray(int i, Receiver r)
 #endif
 
 #if SHADOW_MARKS
-bool undecided = false;  // true if the shadow samples of a light differ here, so that a ray has to decide
+bool undecided = false;  // true if the shadow samples of a light differ, so that a ray must decide
 #endif
 
-// The share, 0..1, of `taps` dithered shadow samples that light i reaches; rotation: cosine and sine of the angle of their pattern.
+// Return the lit share, 0..1, of `taps` dithered shadow samples of light i. rotation: cosine and sine of the rotation of their pattern.
 float visibility(int i, Receiver r, int taps, vec2 rotation)
 {
     int row = i * LIGHT_ROWS;
@@ -172,73 +173,73 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     {
         mat3x4 rows = mat3x4(light_table[row + LIGHT_TILE], light_table[row + LIGHT_TILE + 1], light_table[row + LIGHT_TILE + 2]);
         t.q = vec4(r.p, 1.0) * rows;
-        // the rows are scaled: the inverse transpose maps a plane's normal
+        // the rows are scaled, so that the inverse transpose maps the normal
         t.m = vec4(r.g, 0.0) * rows / vec3(cone.w * cone.w, cone.w * cone.w, parallel ? 1.0 / (t.range * t.range) : 1.0);
         if (parallel ? any(greaterThan(abs(t.q.xy), vec2(1.0))) : t.q.z <= 0.0) return 1.0;
     }
 #endif
-    float side = shadow_layout.x, width = 2.0 / (side * cone.w);  // of a texel: metres, in a perspective tile at a distance of 1 m
-    float line = floor((float(t.tile) + 0.5) / shadow_layout.y);  // in floats: integer division is slow on software renderers
+    float side = shadow_layout.x, width = 2.0 / (side * cone.w);  // width of a texel, metres; in a perspective tile at a distance of 1 m
+    float line = floor((float(t.tile) + 0.5) / shadow_layout.y);  // floats, because integer division is slow on software renderers
     t.corner = vec2(float(t.tile) - line * shadow_layout.y, line) * side;
     t.texel = (((parallel ? t.q.xy : t.q.xy / t.q.z) * 0.5 + 0.5) * side);
     // On the plane m·q = k, -1/z is -m·(x, y, 1)/k at (x, y) = 2·texel/side - 1; in a parallel tile z is affine in x and y.
     vec3 m = parallel ? vec3(-t.m.xy / (abs(t.m.z) > 1e-6 ? t.m.z : 1e-6), 0.0) : t.m * (-1.0 / t.k);
     t.plane = vec3(m.xy * (2.0 / side), m.z - m.x - m.y);
     float steps = abs(t.plane.x) + abs(t.plane.y), bias = parallel ? width / t.range : width / t.q.z;
-    t.own = parallel ? t.q.z : -1.0 / t.q.z;
-    t.nearest = parallel ? t.own - 99.0 * bias : 2.0 * t.own;
-    if (parallel) t.plane.z = t.own - dot(t.plane.xy, t.texel);
+    t.depth = parallel ? t.q.z : -1.0 / t.q.z;
+    t.least = parallel ? t.depth - 99.0 * bias : 2.0 * t.depth;
+    if (parallel) t.plane.z = t.depth - dot(t.plane.xy, t.texel);
     float rounding = parallel ? ROUNDING : ROUNDING * shadow_layout.z / (t.q.z * max(abs(t.k), 1e-20));
     t.tolerance = BIAS * bias + r.rise * steps + rounding;
-    t.beside = BESIDE * bias + 3.0 * steps + rounding;
+    t.separation = SEPARATION * bias + 3.0 * steps + rounding;
     if (taps == 1)
     {
-        // a flat receiver is seen by its texel, or the texel's centre lies past an edge of it: then the texel across the point's
-        // quarter lies inside of an edge in either direction. Software renderers look up all three texels for all receivers; where
-        // the first one decides, the others are the same one, since its place is in the processor's cache.
-        float own = shadow_gap(t, vec2(0.0));
-        bool decides = own >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.beside);
+        // The texel of a flat receiver shows the receiver, or the texel's centre lies past an edge. In the latter case, the diagonal
+        // neighbour in the direction of the point's quarter lies inside of the edge. Software renderers read all three texels for all
+        // receivers; if the first one decides, all reads are of this texel, which is in the processor's cache.
+        float gap = shadow_gap(t, vec2(0.0));
+        bool decides = gap >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.separation);
         vec2 inward = decides ? vec2(0.0) : sign(fract(t.texel) - 0.5);
-        // near a second edge, too: across a receiver that the light sees edge on
-        if (shadow_gap(t, inward) < -t.beside) inward *= abs(t.plane.x) > abs(t.plane.y) ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
-        float next = shadow_gap(t, inward);
-        return float(decides || next < -t.beside ? own <= t.tolerance : next <= rounding);
+        // near a second edge, only one axis: across a receiver that is edge-on to the light
+        if (shadow_gap(t, inward) < -t.separation) inward *= abs(t.plane.x) > abs(t.plane.y) ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
+        float neighbour = shadow_gap(t, inward);
+        return float(decides || neighbour < -t.separation ? gap <= t.tolerance : neighbour <= rounding);
     }
 #if SHADOW_RAYS || SHADOW_MARKS
-    // If the four texels around the receiver all see its plane, it is lit. If they all see something before it, it is in shadow.
-    // Else a ray decides, in a draw of its own: a loop makes the whole program slow on software renderers.
+    // The receiver is lit if all four texels around it show its plane, and in shadow if all four show an occluder. Otherwise a ray
+    // decides, in a second draw, because a loop would make the whole program slow on software renderers.
     vec4 gaps = vec4(shadow_gap(t, vec2(-0.5)), shadow_gap(t, vec2(0.5, -0.5)), shadow_gap(t, vec2(-0.5, 0.5)), shadow_gap(t, vec2(0.5)));
-    bool lit = all(lessThanEqual(gaps, vec4(t.tolerance))) && all(greaterThanEqual(gaps, vec4(-t.beside)));
-    bool dark = all(greaterThan(gaps, vec4(t.beside)));
+    bool lit = all(lessThanEqual(gaps, vec4(t.tolerance))) && all(greaterThanEqual(gaps, vec4(-t.separation)));
+    bool dark = all(greaterThan(gaps, vec4(t.separation)));
 #if SHADOW_MARKS
-    vec4 known = vec4(greaterThanEqual(gaps, vec4(-t.beside))), free = known * vec4(lessThanEqual(gaps, vec4(t.tolerance)));
+    vec4 shows = vec4(greaterThanEqual(gaps, vec4(-t.separation))), free = shows * vec4(lessThanEqual(gaps, vec4(t.tolerance)));
     undecided = undecided || !(lit || dark);
-    return lit || dark ? float(lit) : dot(free, vec4(1.0)) / max(dot(known, vec4(1.0)), 1.0);
+    return lit || dark ? float(lit) : dot(free, vec4(1.0)) / max(dot(shows, vec4(1.0)), 1.0);
 #else
-    float seen = lit ? 1.0 : 0.0;
+    float share = lit ? 1.0 : 0.0;
     bool open = !lit && !dark;
-    while (open)  // a loop, since software renderers run an `if` for all pixels
+    while (open)  // a loop, because software renderers run an `if` for all pixels
     {
-        seen = shadow_ray(i, r);
+        share = shadow_ray(i, r);
         open = false;
     }
-    return seen;
+    return share;
 #endif
 #else
-    // y: whether a texel sees the receiver. A texel whose centre lies beyond an edge of the receiver sees a surface far behind: in a
-    // corner of two thin walls that is out of doors, although the one wall keeps the light from the other.
+    // lit.y counts texels that show the receiver. A texel past an edge of the receiver shows a surface far behind: in a corner of two thin
+    // walls, this surface lies outdoors, and the texel would light one wall through the other.
     mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
     vec2 lit = vec2(0.0);
     for (int s = 0; s < taps; ++s)
     {
         float gap = shadow_gap(t, turn * (vec2(s & 1, s >> 1) - 0.5));  // texels
-        lit += gap >= -t.beside ? vec2(gap <= t.tolerance, 1.0) : vec2(0.0);
+        lit += gap >= -t.separation ? vec2(gap <= t.tolerance, 1.0) : vec2(0.0);
     }
     return lit.y > 0.0 ? lit.x / lit.y : 1.0;
 #endif
 }
 
-// Unshadowed irradiance of light i at the receiver, and cosθ/d², m⁻²: the solid angle from the light of a square metre there.
+// Return the unshadowed irradiance by light i at the receiver, W/m². spread: cosθ/d², the solid angle of the receiver from the light, per m².
 vec3 light_irradiance(int i, Receiver r, out float spread)
 {
     int row = i * LIGHT_ROWS;
@@ -267,27 +268,28 @@ vec3 light_irradiance(int i, Receiver r, out float spread)
 #if LIGHTS_WITH_LUMINAIRE
     strength *= luminaire_intensity(i, -l);
 #endif
-    return min(color * cosine * strength, vec3(1e30));  // finite even where a light touches a surface
+    return min(color * cosine * strength, vec3(1e30));  // finite even if a light touches a surface
 }
 
+// Return the unshadowed irradiance by light i, W/m².
 vec3 light_irradiance(int i, Receiver r)
 {
     float spread;
     return light_irradiance(i, r, spread);
 }
 
-// The irradiance by light i.
+// Return the irradiance by light i, W/m².
 vec3 irradiance_by(int i, Receiver r, int taps, vec2 rotation)
 {
     vec3 E = light_irradiance(i, r);
     return E.r + E.g + E.b > 0.0 ? E * visibility(i, r, taps, rotation) : vec3(0.0);
 }
 
-// Direct irradiance E in W/m² with `taps` (1 or 4) shadow samples per light.
+// Return the direct irradiance, W/m², with `taps` (1 or 4) shadow samples per light.
 vec3 direct_irradiance(Receiver r, int taps, vec2 rotation)
 {
     vec3 sum = vec3(0.0);
-    // the first ones one by one: software renderers go through a loop once more than it has rounds
+    // three unrolled steps, because software renderers run one iteration more than a loop has
 #if LIGHTS > 0
     sum += irradiance_by(0, r, taps, rotation);
 #endif

@@ -1,12 +1,12 @@
-// The depth buffer is the shadow map: the distance along the tile's axis, linear, so that it is as fine far away as near by. With
-// CUT_OUTS, of surfaces that are not there everywhere.
+// The depth of a shadow tile: distance along the tile's axis. Linear depth has equal precision at all distances. CUT_OUTS: 1 for surfaces
+// with holes.
 #if CUT_OUTS
 #include "generated/interpolated.glsl"
 #include "lib/rays/cut_outs.glsl"
 #endif
 
-uniform float tile_near;  // as in shadow.vert
-uniform float tile_far;   // metres of depth in a perspective tile
+uniform float tile_near;  // see shadow.vert
+uniform float tile_far;   // depth of a perspective tile, metres
 
 void main()
 {

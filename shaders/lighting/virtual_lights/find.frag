@@ -1,19 +1,20 @@
-// The ends of rays from lights: `sets` rows a light, a texel a ray. The rays of each row are spread evenly over the light's cone,
-// over the sphere, or over the window of a directional light. So are the rays of all its rows together.
+// Candidates for virtual point lights: the first hits of rays from lights (METHOD.md, 3.8). A fragment is a ray; each light has `sets`
+// rows. The rays of each row, and those of all rows of a light, are uniform over the light's cone, the sphere, or the window of a
+// directional light.
 #include "generated/constants.glsl"
 #include "lib/rays/bvh.glsl"
 #include "lib/normals.glsl"
 
-uniform sampler2D lights;  // three texels a light: its place; the axis of its cone, and 1 - the cosine of half its angle, 2 for all around;
-                          // w of the first is 1 for a directional light: a corner of its window, and two edges
-uniform float rays;       // of each row
-uniform int further;      // rays that continue from the first hits of a directional light's rays
-uniform int sets;
-uniform float near;       // metres: nearer surfaces cast no shadow
+uniform sampler2D lights;  // three texels per light: position, w 0; axis of the cone, 1 - cosine of the half angle, 2 for the sphere.
+                          // Directional lights: corner of the window, w 1; first edge; second edge
+uniform float rays;       // rays per row
+uniform int further;      // rays from each first hit of a directional light's rays
+uniform int sets;         // rows per light
+uniform float near;       // least distance of a hit, metres
 
-layout(location = 0) out vec4 out_place;   // metres; distance from a point light, or length of the longest further ray
-layout(location = 1) out vec4 out_normal;  // geometric, turned to the light; the triangle's number
-layout(location = 2) out vec4 out_share;   // of the triangle's corners; cosθ/d², of a directional light cosθ, 0: no hit
+layout(location = 0) out vec4 out_place;   // position, metres; distance from a point light, or length of the longest further ray, metres
+layout(location = 1) out vec4 out_normal;  // geometric normal on the side of the light; triangle
+layout(location = 2) out vec4 out_share;   // barycentric coordinates; cosθ/d², or cosθ for a directional light; 0: no hit
 
 void main()
 {
@@ -24,7 +25,7 @@ void main()
     bool parallel = place.w > 0.5;
     vec3 edge = texel_at(lights, light + ivec2(2, 0)).xyz, from = place.xyz, right = perpendicular(axis.xyz);
 
-    // a spiral about the axis; each turn covers an equal area of the sphere (Swinbank and Purser 2006)
+    // a spiral about the axis with points of equal solid angle (Swinbank and Purser 2006)
     float down = axis.w * part, r = sqrt(max(down * (2.0 - down), 0.0));
     float angle = GOLDEN_ANGLE * number + 2.0 * PI * fract(set * PLASTIC);
     vec3 d = r * (cos(angle) * right + sin(angle) * cross(axis.xyz, right)) + (1.0 - down) * axis.xyz;
@@ -37,13 +38,13 @@ void main()
     vec3 a = triangle_point(hit.triangle, 0), b = triangle_point(hit.triangle, 1), c = triangle_point(hit.triangle, 2);
     vec3 g = normalize(cross(b - a, c - a));
     g = dot(g, d) > 0.0 ? -g : g;
-    vec3 end = mat3(a, b, c) * hit.barycentric;  // on the triangle to the last digit, however far the light is
+    vec3 end = mat3(a, b, c) * hit.barycentric;  // exactly on the triangle, for any distance of the light
     float lit = hit.t < FARTHEST_HIT ? -dot(g, d) : 0.0, far = hit.t;
     for (int i = 0; i < further && lit > 0.0 && (i == 0 || far < FARTHEST_HIT); ++i)
     {
         float z = 1.0 - 2.0 * fract(number * PLASTIC + float(i) * GOLDEN), turn = angle + float(i) * GOLDEN_ANGLE;
-        vec3 aside = vec3(sqrt(1.0 - z * z) * vec2(cos(turn), sin(turn)), z);
-        float t = bvh_between(end + 1e-4 * hit.t * g, normalize(g + 0.999 * aside), 0.0, FARTHEST_HIT).t;
+        vec3 random_direction = vec3(sqrt(1.0 - z * z) * vec2(cos(turn), sin(turn)), z);
+        float t = bvh_between(end + 1e-4 * hit.t * g, normalize(g + 0.999 * random_direction), 0.0, FARTHEST_HIT).t;
         far = i == 0 ? t : max(far, t);
     }
     out_place = vec4(end, far);

@@ -1,19 +1,19 @@
-// Balance-heuristic share of direct light at ray hits; virtual point lights (irrsplat/lighting/virtual_lights.py) add the rest.
-uniform vec4 virtual_lights[max(LIGHTS, 1)];  // of each light: its rays per steradian, and the square of the greatest distance of
-                                              // its virtual point lights, m² (0: it has none)
+// The weight of direct light at a ray's hit (METHOD.md, 3.8); virtual point lights (irrsplat/lighting/virtual_lights.py) add the rest.
+uniform vec4 virtual_lights[max(LIGHTS, 1)];  // per light: rays per steradian, squared greatest distance of virtual point lights,
+                                              // m² (0: none)
 #if LIGHTS_PARALLEL
-uniform vec4 virtual_windows[LIGHTS];         // of directional ones, for which x counts to a square metre: middle and half the sides of
-                                              // the window through which they are sent, metres in the shadow map's axes
+uniform vec4 virtual_windows[LIGHTS];         // directional lights (with rays per m² above): centre and half sides of the
+                                              // window of the rays, metres in the shadow map's axes
 #endif
 
-// The balance heuristic (Veach and Guibas 1995) for a hit at p, `away` from the eye, of a surface with normal g. rays: their density
-// per steradian. spread: see light_irradiance.
-float light_share(int light, vec3 p, float spread, vec3 away, vec3 g, float rays)
+// Return the weight of the balance heuristic (Veach and Guibas 1995) for a hit at p on a surface with normal g. to_hit: vector from the
+// eye, metres. rays: rays per steradian. spread: see light_irradiance.
+float light_share(int light, vec3 p, float spread, vec3 to_hit, vec3 g, float rays)
 {
     vec2 source = virtual_lights[light].xy;
-    vec3 lit = p - light_table[light * LIGHT_ROWS + LIGHT_POSITION].xyz;
-    float r2 = dot(away, away), found = max(rays, 0.0) * abs(dot(g, away)) / max(r2 * sqrt(r2), 1e-30);
-    bool within = dot(lit, lit) < source.y;
+    vec3 from_light = p - light_table[light * LIGHT_ROWS + LIGHT_POSITION].xyz;
+    float r2 = dot(to_hit, to_hit), hit_density = max(rays, 0.0) * abs(dot(g, to_hit)) / max(r2 * sqrt(r2), 1e-30);
+    bool within = dot(from_light, from_light) < source.y;
 #if LIGHTS_PARALLEL
     int row = light * LIGHT_ROWS;
     if (light_table[row + LIGHT_POSITION].w > 0.5)
@@ -24,5 +24,5 @@ float light_share(int light, vec3 p, float spread, vec3 away, vec3 g, float rays
     }
 #endif
     float samples = within ? WORTH * source.x * spread : 0.0;
-    return 1.0 - samples / max(found + samples, 1e-30);
+    return 1.0 - samples / max(hit_density + samples, 1e-30);
 }

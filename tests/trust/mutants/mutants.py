@@ -35,14 +35,14 @@ tests/lighting/test_direct.py::test_a_lit_plane
 tests/lighting/test_direct.py::test_a_sphere_has_no_acne
     shadow test with the opposite bias: const float BIAS = « → -»…;
 tests/lighting/test_direct.py::test_no_light_leaks_into_the_corners_of_thin_walls
-    light from texels that look past the receiver: lit += gap «>= -t.beside → > -1e9» ? vec2(
+    light from texels that look past the receiver: lit += gap «>= -t.separation → > -1e9» ? vec2(
 tests/gather/test_light_samples.py
     emitters that rays meet counted whole: return «rays * cosine / max(rays * cosine + samples * t * t, …) → 1.0»;
     light samples' gradient without the emitter's turning: cosine_l * w - «cosine * m - → » vec3(0.0, 0.0, cosine_l)) / (r2 * r);
     light samples' Hessian by 20/r⁴ in place of 24/r⁴: («6.0 → 5.0» * cosine_l * ww
     light samples' gradient without moving shadows: V * df «+ f * vec3(dV, 0.0) → »
 tests/gather/test_virtual_lights.py
-    spots of lamps that rays meet counted whole: return «1.0 - samples / max(found + samples, …) → 1.0»;
+    spots of lamps that rays meet counted whole: return «1.0 - samples / max(hit_density + samples, …) → 1.0»;
     one set of virtual lights for all records: «min(int(receiver.shift.x * float(sets)), sets - 1) → 0»
 tests/gather/test_reduce.py::test_reduction_equals_numpy
     gradient's sign: G += outerProduct(edge.xyz * nearer, «L_b.rgb - L.rgb → L.rgb - L_b.rgb»);
