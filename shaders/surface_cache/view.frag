@@ -1,8 +1,8 @@
-// Value of the surface cache at every pixel.
+// The value of the surface cache at each pixel.
 #include "lib/gbuffer.glsl"
 #include "surface_cache/lookup.glsl"
 
-layout(location = 0) out vec4 out_irradiance;  // W/m², 1 where a surface is seen
+layout(location = 0) out vec4 out_irradiance;  // rgb: W/m²; a: 1 at a surface, else 0
 
 void main()
 {
