@@ -1,25 +1,24 @@
-// Antialiasing: blend one more sample of every pixel, off its centre, into the mean of the samples so far.
+// Antialiasing: blend one more sample per pixel, off its centre, into the mean of the samples so far (METHOD.md, 10.3).
 #include "generated/gbuffer_material.glsl"
 #include "image/backdrop.glsl"
 #include "image/filtered.glsl"
 #include "lib/material.glsl"
 
-uniform sampler2D position;  // the sample's g-buffer
-uniform sampler2D direct;
-uniform sampler2D sums;    // Σ k·E, Σ k
-uniform sampler2D centre;  // the same of the pixels' centres
+uniform sampler2D position;  // g-buffer of the sample
+uniform sampler2D direct;    // direct radiance of the sample
+uniform sampler2D sums;      // Σ k·E, Σ k of the sample
+uniform sampler2D centre;    // Σ k·E, Σ k of the pixels' centres
 uniform vec2 blend;          // weights of direct and indirect light
 uniform float share;         // weight of this sample in the mean: 1/n for the n-th
 
-layout(location = 0) out vec4 out_image;  // a: the share, which the draw blends by
+layout(location = 0) out vec4 out_image;  // a: `share`, the blend factor of the draw
 layout(location = 1) out vec4 out_direct;
 layout(location = 2) out vec4 out_indirect;
 layout(location = 3) out vec4 out_emission;
-layout(location = 4) out vec4 out_alpha;     // r: the share of the samples that see a surface
+layout(location = 4) out vec4 out_alpha;     // r: share of the samples with a surface
 
-// The pixel's own sums, or else the sum of its neighbours', or else those of its own centre. Records are made for pixels' centres alone, so
-// that they may miss another sample of a pixel.
-vec4 own_or_neighbouring_sums(ivec2 pixel)
+// Return the sums of a sample, or of its neighbours, or of the pixel's centre, because records may miss samples off the centre.
+vec4 covered_sums(ivec2 pixel)
 {
     vec4 s = texelFetch(sums, pixel, 0);
     if (s.a > COVERED) return s;
@@ -33,21 +32,21 @@ vec4 own_or_neighbouring_sums(ivec2 pixel)
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec3 direct_light = vec3(0.0), indirect = vec3(0.0), own;
-    bool seen = texelFetch(position, pixel, 0).w > 0.0;
-    if (seen)
+    vec3 direct_light = vec3(0.0), indirect = vec3(0.0), emitted;
+    bool surface = texelFetch(position, pixel, 0).w > 0.0;
+    if (surface)
     {
-        vec4 s = own_or_neighbouring_sums(pixel);
+        vec4 s = covered_sums(pixel);
         Material material = material_at(pixel);
         indirect = reflected_radiance(material, s.a > 0.0 ? s.rgb / s.a : vec3(0.0));
         direct_light = texelFetch(direct, pixel, 0).rgb;
-        own = material.emission;
+        emitted = material.emission;
     }
-    else own = backdrop_radiance(gl_FragCoord.xy);
-    vec3 light = blend.x * direct_light + blend.y * indirect + own;
-    out_image = vec4(seen ? filtered(pixel, light) : filtered_backdrop(pixel, gl_FragCoord.xy), share);
+    else emitted = backdrop_radiance(gl_FragCoord.xy);
+    vec3 light = blend.x * direct_light + blend.y * indirect + emitted;
+    out_image = vec4(surface ? filtered(pixel, light) : filtered_backdrop(pixel, gl_FragCoord.xy), share);
     out_direct = vec4(direct_light, share);
     out_indirect = vec4(indirect, share);
-    out_emission = vec4(own, share);
-    out_alpha = vec4(seen ? 1.0 : held_back(pixel), 0.0, 0.0, share);
+    out_emission = vec4(emitted, share);
+    out_alpha = vec4(surface ? 1.0 : filter_opacity(pixel), 0.0, 0.0, share);
 }

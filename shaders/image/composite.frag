@@ -1,4 +1,4 @@
-// The picture: irradiance from the sums, and with it the outgoing radiance of direct light, indirect light, emission and sky.
+// The picture (Jones 2010, 2.5; METHOD.md, 10.1): the outgoing radiance by direct light, indirect light, emission and sky.
 #include "generated/gbuffer_material.glsl"
 #if FILTERS
 #include "image/filtered.glsl"
@@ -9,15 +9,14 @@
 #include "lib/material.glsl"
 #include "lib/texel.glsl"
 
-// FILTERS: 1 where surfaces may be seen through filters. EMISSIVE: 1 where any surface emits. SKY: the sky that is seen behind:
-// 0 black, 1 the same everywhere, 2 brighter above, 3 a map.
+// FILTERS: 1 if filters may cover surfaces. EMISSIVE: 1 if any surface emits. SKY: 0 black, 1 uniform, 2 linear in the height, 3 a map.
 
-uniform sampler2D direct;  // a: 1 where a surface is seen
+uniform sampler2D direct;  // direct radiance; a: 1 at a surface, else 0
 uniform sampler2D sums;    // Σ k·E, Σ k
 uniform vec2 blend;        // weights of direct and indirect light
 
 layout(location = 0) out vec4 out_image;
-layout(location = 1) out float out_alpha;  // 1 on a surface, else the share of light that filters absorb
+layout(location = 1) out float out_alpha;  // 1 at a surface, else the opacity of filters
 
 void main()
 {
@@ -30,10 +29,10 @@ void main()
 #if EMISSIVE
     light += material.emission;
 #endif
-    bool seen = reflected.a > 0.0;
+    bool surface = reflected.a > 0.0;
 #if FILTERS
-    out_image = vec4(seen ? filtered(pixel, light) : filtered_backdrop(pixel, gl_FragCoord.xy), 1.0);
-    out_alpha = seen ? 1.0 : held_back(pixel);
+    out_image = vec4(surface ? filtered(pixel, light) : filtered_backdrop(pixel, gl_FragCoord.xy), 1.0);
+    out_alpha = surface ? 1.0 : filter_opacity(pixel);
 #else
     vec3 behind = vec3(0.0);
 #if SKY == 1
@@ -41,7 +40,7 @@ void main()
 #elif SKY
     behind = sky_behind(gl_FragCoord.xy);
 #endif
-    out_image = vec4(seen ? light : behind, 1.0);
-    out_alpha = seen ? 1.0 : 0.0;
+    out_image = vec4(surface ? light : behind, 1.0);
+    out_alpha = surface ? 1.0 : 0.0;
 #endif
 }

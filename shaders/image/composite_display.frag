@@ -1,9 +1,9 @@
-// The image as a screen shows it: exposed, through the filmic curve, sRGB-encoded, dithered for eight bits.
+// The image on a display (METHOD.md, 10.2): exposed, tone-mapped, sRGB-encoded, and dithered to eight bits.
 #include "lib/display.glsl"
 #include "lib/dither.glsl"
 #include "lib/texel.glsl"
 
-uniform sampler2D image;
+uniform sampler2D image;  // linear radiance
 uniform float exposure;  // stops
 
 layout(location = 0) out vec4 out_color;

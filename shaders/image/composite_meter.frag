@@ -1,11 +1,11 @@
-// The exposure meter: of a block of the image's pixels the sum of the log₂ luminances that they would have if they reflected all light,
-// and how many are not black.
+// The exposure meter (METHOD.md, 10.2): the sum of log₂ (Y/ρ) over the lit pixels of a block, and the number of these pixels. Y is the
+// luminance, and ρ that of the reflectance.
 #include "generated/constants.glsl"
 #include "generated/gbuffer_material.glsl"
 
-uniform sampler2D image;
-uniform sampler2D position;  // of the g-buffer
-uniform ivec2 block;         // width and height in pixels
+uniform sampler2D image;     // linear radiance
+uniform sampler2D position;  // g-buffer
+uniform ivec2 block;         // size of a block, pixels
 
 layout(location = 0) out vec4 out_log;
 

@@ -1,4 +1,4 @@
-// The g-buffer: position, normals and material of the surface at each pixel's centre.
+// The g-buffer (Jones 2010, 3.2): position, normals and material of the surface at each pixel's centre.
 #include "generated/interpolated.glsl"
 #include "image/texture_map.glsl"
 #include "lib/material_table.glsl"
@@ -6,24 +6,24 @@
 
 in vec3 v_position;
 
-uniform vec3 eye;
+uniform vec3 eye;            // world space, metres
 uniform vec3 forward;        // unit, the view axis
-uniform float far;           // metres, beyond the farthest corner of the scene
+uniform float far;           // depth beyond the farthest corner of the scene, metres
 uniform int closed;          // triangles of lower numbers belong to closed meshes
 uniform int first_triangle;  // number of the first triangle of this draw
 
-// MASK, BLEND: 1 where the surface is there only where its opacity reaches the cutoff. MAPPED_NORMALS: 1 where any surface of the
-// scene has a normal map. EMISSIVE: 1 where any emits.
+// MASK, BLEND: 1 for surfaces that are visible only if their opacity reaches the cutoff. MAPPED_NORMALS: 1 if any surface has a normal map.
+// EMISSIVE: 1 if any surface emits.
 
-const float BACK = 1.0 / 32.0;  // of the change of depth across a pixel: how far inner sides of closed meshes are moved back
-const float MOST_BACK = 1e-3;   // of the far distance: the most of it
+const float BACK = 1.0 / 32.0;  // offset of inner sides of closed meshes, as a share of the change of depth per pixel
+const float MOST_BACK = 1e-3;   // greatest offset, as a share of `far`
 
-layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis (0: nothing seen)
-layout(location = 1) out vec4 out_normal;    // shading normal turned to the eye, geometric normal octahedral .x
-layout(location = 2) out vec4 out_albedo;    // reflectance, geometric normal octahedral .y
+layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis, metres (0: no surface)
+layout(location = 1) out vec4 out_normal;    // shading normal on the eye's side; w: octahedral x of the geometric normal
+layout(location = 2) out vec4 out_albedo;    // reflectance; w: octahedral y of the geometric normal
 layout(location = 3) out vec4 out_emission;  // emitted radiance, number of the triangle
 #if MAPPED_NORMALS
-layout(location = 4) out vec4 out_mapped_normal;  // shading normal bent by the normal map
+layout(location = 4) out vec4 out_mapped_normal;  // shading normal with the normal map
 #endif
 
 void main()
@@ -33,9 +33,9 @@ void main()
     vec4 plane = face_plane(triangle);
     vec3 g = plane.xyz;
     vec3 size = abs(eye);
-    // From an eye in its plane a triangle is invisible: its remaining fragments result from rounding of the eye's position.
+    // A triangle is invisible from an eye in its plane: its fragments result from rounding of the eye's position.
     if (abs(dot(g, eye) - plane.w) <= EDGE_ON * max(max(size.x, size.y), size.z)) discard;
-    g = gl_FrontFacing ? g : -g;  // turned to the eye by the rasteriser's judgement: at a silhouette a dot product is noise
+    g = gl_FrontFacing ? g : -g;  // by gl_FrontFacing, because a dot product is noise at silhouettes
     vec3 n = shading_normal(v_normal, g);
 #if EMISSIVE
     Material material = material_factors(interpolated_vertex(v_position));
@@ -64,7 +64,7 @@ void main()
     out_normal = vec4(n, octahedral.x);
     out_albedo = vec4(material.albedo, octahedral.y);
     out_emission = vec4(material.emission, float(triangle));
-    // Linear depth is equally fine near and far, whatever the scene's size. From outside, the inner side of a closed mesh is never
-    // visible. At a silhouette the rasteriser's rounding of corners makes depth noise: moved back, that side loses to the outer one.
+    // Linear depth is equally precise at all distances and scales. From outside, the inner side of a closed mesh is invisible. At
+    // silhouettes, the rasteriser's rounding of corners makes depth noise, so that an offset moves the inner side behind the outer one.
     gl_FragDepth = depth / far + (!gl_FrontFacing && triangle < closed ? min(BACK * slope / far, MOST_BACK) : 0.0);
 }

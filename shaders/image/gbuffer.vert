@@ -1,11 +1,11 @@
-// The scene as the camera sees it.
+// The g-buffer (Jones 2010, 3.2): draws the scene from the camera.
 #include "generated/attributes.glsl"
 
 in vec3 in_position;
 
 uniform mat4 clip_from_world;
 
-out vec3 v_position;
+out vec3 v_position;  // world space, metres
 
 void main()
 {

@@ -1,6 +1,6 @@
-// The images that a surface wears, at full resolution. Of ALBEDO_MAP, EMISSION_MAP and NORMAL_MAP those are 1 that it has.
-// …_from_uv: coordinates in the image from both sets of the surface; …_place: xy added to them, zw 1 where the image is mirrored
-// beyond its edges along x or y.
+// Texture maps of a surface, at full resolution. ALBEDO_MAP, EMISSION_MAP, NORMAL_MAP: 1 if the surface has the map.
+// …_from_uv: matrix from both sets of texture coordinates to image coordinates; …_place: xy offset, zw 1 if the image repeats mirrored
+// along x or y.
 #if ALBEDO_MAP
 uniform sampler2D albedo_map;  // sRGB, with alpha
 uniform mat4x2 albedo_from_uv;
@@ -18,15 +18,14 @@ uniform vec4 normal_place;
 uniform float normal_scale;  // factor on the map's x and y
 #endif
 
-// OpenGL mirrors as well, but not as moderngl sets it up: here the coordinates are folded.
+// Return image coordinates, folded in mirrored directions, because moderngl cannot set OpenGL's mirrored repetition.
 vec2 folded(vec2 place, vec2 mirrored)
 {
     return mix(place, 1.0 - abs(1.0 - mod(place, 2.0)), mirrored);
 }
 
-// The mean over a pixel's footprint. A long and narrow one is sampled at up to MAP_TAPS places along its length (1 with the
-// driver's anisotropic filter). Where it is wider than a texel, it is sampled in two rows half a level finer: one trilinear
-// sample blurs beyond the footprint's sides.
+// Return the mean over a pixel's footprint. A long footprint has up to MAP_TAPS samples along its length (1 with the driver's anisotropic
+// filter). If it is also wider than a texel, it has two rows of samples, half a level finer, because one would blur beyond its sides.
 vec4 map_texel(sampler2D map, vec2 place, vec2 mirrored)
 {
     vec2 x = dFdx(place), y = dFdy(place);
@@ -54,6 +53,7 @@ vec4 map_texel(sampler2D map, vec2 place, vec2 mirrored)
 }
 
 #if ALBEDO_MAP
+// Return the mean colour and alpha over a pixel's footprint.
 vec4 albedo_texel(vec4 uv)
 {
     return map_texel(albedo_map, albedo_from_uv * uv + albedo_place.xy, albedo_place.zw);
@@ -61,10 +61,10 @@ vec4 albedo_texel(vec4 uv)
 #endif
 
 #if NORMAL_MAP
-// The unit normal n, of the side that is seen, bent by the map. The tangents are the gradients of the map's coordinates on the
-// surface, by screen-space derivatives (Schuler 2013, "Followup: Normal Mapping Without Precomputed Tangents"), so that mirrored
-// coordinates need no sign. g: the geometric normal of that side, which no bent normal may lie below. front: whether the front is
-// seen; on the back a bump is a dent. Where the coordinates have no gradient, n itself.
+// Return the unit normal n, modified by the normal map; n if the coordinates have no gradient. The tangents are the gradients of the map's
+// coordinates on the surface, by screen-space derivatives (Schuler 2013, "Followup: Normal Mapping Without Precomputed Tangents"), so that
+// mirrored coordinates need no sign. n, g: shading and geometric normal on the visible side; no result lies below the plane of g.
+// front: true for the front; on the back, a bump is a dent.
 vec3 mapped_normal(vec3 p, vec3 n, vec3 g, vec4 uv, bool front)
 {
     vec2 place = normal_from_uv * uv + normal_place.xy;

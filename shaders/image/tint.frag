@@ -1,20 +1,20 @@
-// Filters in front of the g-buffer: surfaces that transmit most of the light. The result is the product of their transmittances,
-// which needs no order; with GLOW the sum of their emission, without mutual tint; with NEAREST the opacity of the nearest filter.
+// Filters in front of the g-buffer: surfaces that transmit most of the light. The result is the product of their transmittances, which
+// needs no order. GLOW: 1 for the sum of their emission, without mutual tint. NEAREST: 1 for the opacity of the nearest filter.
 #include "generated/interpolated.glsl"
 #include "image/texture_map.glsl"
 #include "lib/material_table.glsl"
 
 in vec3 v_position;
 
-uniform vec3 eye;
+uniform vec3 eye;            // world space, metres
 uniform vec3 forward;        // unit, the view axis
-uniform float far;           // metres, beyond the farthest corner of the scene
-uniform float alpha_cutoff;  // with MASK: the least alpha of a visible surface
+uniform float far;           // depth beyond the farthest corner of the scene, metres
+uniform float alpha_cutoff;  // least alpha of a visible surface with MASK
 
 #if NEAREST
 layout(location = 0) out float out_opacity;
 #else
-layout(location = 0) out vec4 out_tint;  // the transmitted share of light, or the added radiance
+layout(location = 0) out vec4 out_tint;  // transmittance, or emitted radiance
 #endif
 
 void main()
@@ -35,7 +35,7 @@ void main()
 #if !BLEND
     alpha = 1.0;
 #endif
-    // a surface above the cutoff is in the g-buffer; a fully transparent one is none
+    // a surface above the cutoff is in the g-buffer; a fully transparent surface is no filter
     if (alpha >= material_row(int(v_material), MATERIAL_EMISSION).w || alpha <= 0.0) discard;
 #if NEAREST
     out_opacity = alpha;
