@@ -1,4 +1,4 @@
-// Close hits of a record's rays (docs/METHOD.md, 11.5). One float stores two numbers of a hit in 0..1, 12 bits each: the share of its
+// Close hits of a record's rays (METHOD.md, 11.5). One float stores two numbers of a hit in 0..1, 12 bits each: the share of its
 // radiance that comes from a close value of the surface cache, and the reflectance that weights this value.
 #include "generated/constants.glsl"
 

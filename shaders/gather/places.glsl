@@ -1,4 +1,4 @@
-// The eyes of a record. Sites of the surface cache have several, which alternate between texels and samples (docs/METHOD.md, 11.4).
+// The eyes of a record. Sites of the surface cache have several, which alternate between texels and samples (METHOD.md, 11.4).
 uniform int places;  // eyes per record, a power of two; 1 for records with derivatives
 
 // Return the column of `frames` with the eye for a texel of a record's cell.

@@ -1,4 +1,4 @@
-// The density of cosine-distributed rays (docs/METHOD.md, 3.8).
+// The density of cosine-distributed rays (METHOD.md, 3.8).
 uniform float rays;  // number of rays per record, divided by π
 
 // Return the rays per steradian of a record in the unit direction w of its frame.

@@ -1,5 +1,5 @@
 // First step of the reduction: a fragment sums the texels of one block of a record's cell (Jones 2010, 2.1;
-// docs/METHOD.md, 3.5, 4.2, 4.4).
+// METHOD.md, 3.5, 4.2, 4.4).
 #include "generated/constants.glsl"
 #include "gather/close_hits.glsl"
 #include "gather/places.glsl"

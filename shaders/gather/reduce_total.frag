@@ -1,5 +1,5 @@
 // Last step of the reduction: the sums of all blocks of a record become its irradiance, harmonic mean distance and derivatives
-// (Jones 2010, 2.1; docs/METHOD.md, 3.5, 3.6, 5.3, 11.5). Inputs: the outputs of gather/reduce_blocks.frag.
+// (Jones 2010, 2.1; METHOD.md, 3.5, 3.6, 5.3, 11.5). Inputs: the outputs of gather/reduce_blocks.frag.
 #include "generated/constants.glsl"
 #include "generated/record_outputs.glsl"
 #include "gather/places.glsl"
@@ -34,7 +34,7 @@ const float ENCLOSED = 0.2;  // least share of directions that hit inner sides: 
 flat in int v_index;  // index of the record in the batch
 
 #if CLOSE_LIGHT
-// Return the ratio E'/E of a record's corrected to its plain luminance (docs/METHOD.md, 11.5). C: part of E by close values of the
+// Return the ratio E'/E of a record's corrected to its plain luminance (METHOD.md, 11.5). C: part of E by close values of the
 // surface cache. K: mean reflectance of the close hits. S: value of the surface cache at the record. E_close: a texel of close_light.
 // All are luminances.
 float with_close_light(float E, float C, float K, float S, vec2 E_close)

@@ -1,4 +1,4 @@
-// The visible share of the sky in each stratum (docs/METHOD.md, 3.4). If neighbouring strata differ and little of the sky is visible,
+// The visible share of the sky in each stratum (METHOD.md, 3.4). If neighbouring strata differ and little of the sky is visible,
 // RAYS visibility rays estimate it, else the stratum's ray. irrsplat/gather/sky_share.py is the version for Embree.
 #include "generated/constants.glsl"
 #include "lib/rays/bvh.glsl"
@@ -9,7 +9,7 @@ uniform sampler2D closer_rays;  // RAYS texels per stratum: ray directions in th
 uniform ivec2 cell;             // azimuths and elevations of a record
 uniform int columns;            // cells per row
 uniform ivec2 step;             // distance, in strata, of the strata that sample the visible share of the whole sky
-uniform float most;             // greatest visible share of the whole sky with visibility rays: above it, rays of records suffice
+uniform float most;             // greatest visible share of the whole sky with visibility rays
 
 layout(location = 0) out float out_share;
 

@@ -1,4 +1,4 @@
-// The gather by rays: radiance and distance at the first hit of a ray (docs/METHOD.md, 3.4, 3.7). A fragment is the ray of one stratum
+// The gather by rays: radiance and distance at the first hit of a ray (METHOD.md, 3.4, 3.7). A fragment is the ray of one stratum
 // in a record's cell. KNOWN_HITS: 1 if Embree has found the triangles. SURFACE: 1 if hits reflect light of the surface cache.
 // HITS: 1 for rays of the surface cache, which also output the position and the value of each hit.
 #include "lighting/lights.glsl"
@@ -124,7 +124,7 @@ void main()
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
     float close = 0.0;
 #if SURFACE && !HITS
-    // ν·ρ: see docs/METHOD.md, 11.5
+    // ν·ρ: see METHOD.md, 11.5
     float nu_rho = max(1.0 - hit.t / ((places > 1 ? CLOSE.y : CLOSE.x) * max(cached.a, near)), 0.0) * dot(material.albedo, LUMINANCE);
     close = pack_pair(vec2(nu_rho * dot(cached.rgb, LUMINANCE) / max(PI * dot(L, LUMINANCE), 1e-20), nu_rho));
 #endif

@@ -1,4 +1,4 @@
-// The effective weight of a pixel: a pixel requests a record if it is below the tolerance (docs/METHOD.md, 7.1).
+// The effective weight of a pixel: a pixel requests a record if it is below the tolerance (METHOD.md, 7.1).
 #include "generated/constants.glsl"
 #include "records/error_scale.glsl"
 
@@ -15,7 +15,7 @@ vec2 deviation_and_mean(vec2 weight, vec4 sums)
 }
 
 // Return Σw, reduced by inter-record variance: below the tolerance if the deviation exceeds `spread`.
-// weight: Σw and Σ k·(Y² - σ²). sums: Σ k·E, Σ k. share: the valid share of the records' reach at the pixel (docs/METHOD.md, 8.3).
+// weight: Σw and Σ k·(Y² - σ²). sums: Σ k·E, Σ k. share: the valid share of the records' reach at the pixel (METHOD.md, 8.3).
 // It is also a factor on Σw and on the allowed spread.
 float effective_weight(vec2 weight, vec4 sums, float share)
 {

@@ -1,4 +1,4 @@
-// The examination (Jones 2010, 2.3; docs/METHOD.md, 7.2): a fragment finds the pixel of least effective weight in a tile of the screen.
+// The examination (Jones 2010, 2.3; METHOD.md, 7.2): a fragment finds the pixel of least effective weight in a tile of the screen.
 #include "indirect/effective_weight.glsl"
 #include "lib/gbuffer.glsl"
 

@@ -1,16 +1,16 @@
 // Splat of a record at a pixel: weighted irradiance and weight, which additive blending sums over all records (Jones 2010, 2.2;
-// docs/METHOD.md, 4.6, 5.1, 6.2).
+// METHOD.md, 4.6, 5.1, 6.2).
 #include "lib/texel.glsl"
 #include "records/weight.glsl"
 
-uniform sampler2D position;  // see lib/gbuffer.glsl
+uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 #if NORMAL_MAPS
 uniform sampler2D lit_normal;  // unit normal with the normal map
 #endif
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y: 1 or 2
 #if REFINED
-uniform sampler2D reach;     // valid share of the records' reach at each pixel of the sums (docs/METHOD.md, 8.3)
+uniform sampler2D reach;     // valid share of the records' reach at each pixel of the sums (METHOD.md, 8.3)
 #endif
 
 // see splat_outputs.glsl
@@ -34,7 +34,7 @@ layout(location = 1) out vec2 out_weight;   // w, and k·(Y² - σ²) with the l
 #if NORMAL_MAPS
 // Return the irradiance at the normal m of a normal map, with E = n·M at the surface's normal n. m·M counts the light between the
 // horizons of n and m as negative. If m is tilted towards t and the light is affine in the direction, this lune has
-// (1 - n·m)·(E/2 - 2/π·M·t), to second order (docs/METHOD.md, 4.1).
+// (1 - n·m)·(E/2 - 2/π·M·t), to second order (METHOD.md, 4.1).
 vec3 bent_irradiance(vec3 E, vec3 n, vec3 m, mat3 M)
 {
     float c = clamp(dot(n, m), 0.0, 1.0);

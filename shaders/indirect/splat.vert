@@ -1,4 +1,4 @@
-// Splat of a record: a quad that bounds the record's sphere of influence on screen (Jones 2010, figure 1; docs/METHOD.md, 6.1). An instance
+// Splat of a record: a quad that bounds the record's sphere of influence on screen (Jones 2010, figure 1; METHOD.md, 6.1). An instance
 // is a record.
 #include "indirect/splat_depth.glsl"
 #include "indirect/splat_outputs.glsl"

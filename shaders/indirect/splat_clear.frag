@@ -1,4 +1,4 @@
-// Clears the splat buffer: sums of 0, and the weight NOTHING_SEEN at pixels without a surface or with an unlit side (docs/METHOD.md, 7.1).
+// Clears the splat buffer: sums of 0, and the weight NOTHING_SEEN at pixels without a surface or with an unlit side (METHOD.md, 7.1).
 #include "generated/constants.glsl"
 #include "indirect/splat_depth.glsl"
 #if UNLIT_SIDES
@@ -6,7 +6,7 @@
 #include "lib/surface.glsl"
 #else
 #include "lib/texel.glsl"
-uniform sampler2D position;  // see lib/gbuffer.glsl
+uniform sampler2D position;  // g-buffer
 #endif
 
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y

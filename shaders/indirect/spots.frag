@@ -1,4 +1,4 @@
-// The pixels of the spot check (docs/METHOD.md, 7.3): position and cached luminance at one pixel per square of a view, for comparison with
+// The pixels of the spot check (METHOD.md, 7.3): position and cached luminance at one pixel per square of a view, for comparison with
 // a probe.
 #include "generated/constants.glsl"
 #include "lib/gbuffer.glsl"

@@ -1,4 +1,4 @@
-// Fills holes: pixels that temporal.frag has marked take the irradiance of the surface cache (docs/METHOD.md, 8.2).
+// Fills holes: pixels that temporal.frag has marked take the irradiance of the surface cache (METHOD.md, 8.2).
 #include "lib/gbuffer.glsl"
 #include "lib/same_surface.glsl"
 #include "surface_cache/lookup.glsl"

@@ -1,9 +1,9 @@
-// Temporal accumulation (docs/METHOD.md, 8.4): a blend of the records' irradiance with that of the last picture at the same world position.
+// Temporal accumulation (METHOD.md, 8.4): a blend of the records' irradiance with that of the last picture at the same world position.
 // The depth buffer marks pixels without any irradiance for surface_fill.frag.
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
-uniform sampler2D position;    // see lib/gbuffer.glsl
+uniform sampler2D position;    // g-buffer
 uniform sampler2D normal;
 uniform sampler2D sums;        // Σ k·E, Σ k
 uniform sampler2D shown;       // last picture: E/depth, 1/depth; 0 without irradiance; linearly filtered

@@ -1,9 +1,9 @@
-// Upsampling, second of three draws (docs/METHOD.md, 8.1): a pixel on the plane of its four coarse neighbours takes their linearly
+// Upsampling, second of three draws (METHOD.md, 8.1): a pixel on the plane of its four coarse neighbours takes their linearly
 // interpolated irradiance. The depth buffer marks all other pixels for upsample_search.frag.
 #include "generated/constants.glsl"
 #include "lib/texel.glsl"
 
-uniform sampler2D position;    // see lib/gbuffer.glsl; all pixels
+uniform sampler2D position;    // g-buffer, all pixels
 uniform sampler2D irradiance;  // E and Σw of coarse pixels, from upsample_squares.frag; linearly filtered
 uniform sampler2D planes;      // planes of squares, from upsample_squares.frag
 uniform float pixel;           // size of a pixel at distance 1, metres

@@ -1,10 +1,10 @@
-// Upsampling, last of three draws (docs/METHOD.md, 8.1): a marked pixel takes the mean of those of the 16 surrounding coarse pixels
+// Upsampling, last of three draws (METHOD.md, 8.1): a marked pixel takes the mean of those of the 16 surrounding coarse pixels
 // that lie on its surface (joint bilateral upsampling, Kopf et al. 2007).
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 #include "generated/constants.glsl"
 
-uniform sampler2D position;  // see lib/gbuffer.glsl; all pixels
+uniform sampler2D position;  // g-buffer, all pixels
 uniform sampler2D normal;
 uniform sampler2D sums;      // Σ k·E, Σ k of the coarse pixels
 uniform sampler2D weight;    // Σw of the coarse pixels

@@ -1,10 +1,10 @@
-// Upsampling, first of three draws (docs/METHOD.md, 8.1): a fragment tests if a square of four coarse pixels lies on one surface.
+// Upsampling, first of three draws (METHOD.md, 8.1): a fragment tests if a square of four coarse pixels lies on one surface.
 // Only then may sums be interpolated. Coarse pixels are every other pixel in x and y.
 #include "generated/constants.glsl"
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
-uniform sampler2D position;  // see lib/gbuffer.glsl; all pixels
+uniform sampler2D position;  // g-buffer, all pixels
 uniform sampler2D normal;
 uniform sampler2D sums;      // Σ k·E, Σ k of the coarse pixels
 uniform sampler2D weight;    // Σw of the coarse pixels

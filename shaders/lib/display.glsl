@@ -1,4 +1,4 @@
-// Tone mapping: exposed linear radiance to display values (docs/METHOD.md, 10.2).
+// Tone mapping: exposed linear radiance to display values (METHOD.md, 10.2).
 #include "generated/constants.glsl"
 
 // Return Hable's filmic curve (2010, "Uncharted 2: HDR Lighting"), not yet scaled to map FILMIC_WHITE to 1.

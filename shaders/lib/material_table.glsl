@@ -1,4 +1,4 @@
-// The material at a point of a surface, from the table of materials and the interpolated vertex (docs/METHOD.md, 3.9).
+// The material at a point of a surface, from the table of materials and the interpolated vertex (METHOD.md, 3.9).
 // TEXTURES: 1 in light passes if the scene has textures.
 #include "generated/constants.glsl"
 #include "generated/material.glsl"

@@ -1,4 +1,4 @@
-// A test of two points: their positions and unit normals decide if they lie on one surface (docs/METHOD.md, 8.1).
+// A test of two points: their positions and unit normals decide if they lie on one surface (METHOD.md, 8.1).
 const float SAME_SURFACE_COSINE = 0.8;  // least cosine of the angle between the normals
 const float SAME_SURFACE_RISE = 0.25;   // greatest distance from the mean tangent plane, as a share of the distance of the points
 

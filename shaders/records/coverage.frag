@@ -1,8 +1,8 @@
-// The approximate number of pixels that a record covers in a view, for the order of refreshes (docs/METHOD.md, 13). A fragment is a record.
+// The approximate number of pixels that a record covers in a view, for the order of refreshes (METHOD.md, 13). A fragment is a record.
 // Samples of the g-buffer in the record's bounding box on screen estimate the number.
 #include "records/view_radius.glsl"
 
-uniform sampler2D position;  // see lib/gbuffer.glsl
+uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform mat4 clip_from_world;
 uniform float pixel;         // size of a pixel at distance 1, metres

@@ -1,4 +1,4 @@
-// The error scale: the luminance to which an error is relative (docs/METHOD.md, 5.3).
+// The error scale: the luminance to which an error is relative (METHOD.md, 5.3).
 uniform float luminance_floor;  // W/m²
 
 // Return the error scale at the luminance Y, both in W/m²: Y, at least the floor. Above BRIGHT times the floor, it is the geometric

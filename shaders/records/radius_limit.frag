@@ -1,4 +1,4 @@
-// The limit of a record's radii by inter-record differences, as a share of the radii (docs/METHOD.md, 5.5). A fragment is a record.
+// The limit of a record's radii by inter-record differences, as a share of the radii (METHOD.md, 5.5). A fragment is a record.
 // The record extrapolates to the positions of its neighbours, and is compared with the irradiance that they gathered. The relative
 // difference is assumed to grow with the square of the distance. The limit is the distance at which the difference reaches `adapt` (after
 // Křivánek et al. 2006, "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").

@@ -1,4 +1,4 @@
-// Records of the cache, by texel (docs/METHOD.md, 4.7 and 5.3). irrsplat/core/record_layout.py lists the columns.
+// Records of the cache, by texel (METHOD.md, 4.7 and 5.3). irrsplat/core/record_layout.py lists the columns.
 #include "generated/constants.glsl"
 #include "generated/record_columns.glsl"
 #include "lib/normals.glsl"
@@ -15,7 +15,7 @@ struct Ellipse
     float across;  // radius across it, metres
 };
 
-// Return true if the record lies in the dark within a closed mesh (docs/METHOD.md, 7.1): it may cover only its own pixel.
+// Return true if the record lies in the dark within a closed mesh (METHOD.md, 7.1): it may cover only its own pixel.
 bool record_enclosed(ivec2 texel)
 {
 #if GRADIENTS

@@ -1,4 +1,4 @@
-// The radii of a record in a view: the record's radii, clamped to bounds that depend on the distance from the eye (docs/METHOD.md, 5.4).
+// The radii of a record in a view: the record's radii, clamped to bounds that depend on the distance from the eye (METHOD.md, 5.4).
 #include "records/weight.glsl"
 #include "records/record.glsl"
 

@@ -1,4 +1,4 @@
-// The weight of a record at a point, and the irradiance that the record extrapolates to this point (docs/METHOD.md, 4.1, 4.6, 5.1, 5.2).
+// The weight of a record at a point, and the irradiance that the record extrapolates to this point (METHOD.md, 4.1, 4.6, 5.1, 5.2).
 // irrsplat/records/weight.py and merge.py have NumPy versions.
 #include "generated/constants.glsl"
 
@@ -28,13 +28,13 @@ float record_weight(vec3 offset, vec3 axis, vec2 R, vec3 n, vec3 n_k)
 
 // Return the irradiance at unit normal n, W/m², by the irradiance vectors M of a record with normal n_k. n·M counts the light of one lune
 // as negative, and lacks the light of another lune, below the record's surface. For uniform light, each lune has half of (1 - n·n_k)·E_k.
-// The light of the first lune is known; the second lune counts as half as bright (docs/METHOD.md, 4.1).
+// The light of the first lune is known; the second lune counts as half as bright (METHOD.md, 4.1).
 vec3 rotated_irradiance(mat3 M, vec3 n, vec3 n_k)
 {
     return n * M + LUNES * (1.0 - dot(n, n_k)) * (n_k * M);
 }
 
-// Return the irradiance at p, W/m², by a Taylor expansion about the record (Ward and Heckbert 1992; second order: docs/METHOD.md, 4.6).
+// Return the irradiance at p, W/m², by a Taylor expansion about the record (Ward and Heckbert 1992; second order: METHOD.md, 4.6).
 // E: rotated_irradiance() at the point's normal. slope: ∇E·offset, W/m². curvature: second derivatives along `axis` and across it in the
 // tangent plane of n_k, as shares of the irradiance, 1/m². Clamps limit the second-order term to half of E, and the result to 0..2·E.
 vec3 extrapolated_irradiance(vec3 E, vec3 slope, vec3 offset, vec3 n_k, vec3 axis, vec2 curvature)

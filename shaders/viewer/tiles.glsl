@@ -6,7 +6,7 @@ uniform vec4 place;     // upper left corner in the target, texels per pixel, pi
 uniform int across;     // tiles per row of the target
 uniform vec3 ground;    // display colour around the tiles
 
-// The number of the tile at this fragment, and the texel inside it; -1 between tiles.
+// Return the number of the tile at this fragment, and the texel inside it; -1 between tiles.
 int tile_at(out ivec2 texel)
 {
     vec2 q = vec2(gl_FragCoord.x - place.x, place.y - gl_FragCoord.y) * place.z, pitch = cell + place.w * place.z;
@@ -17,7 +17,7 @@ int tile_at(out ivec2 texel)
     return at.x < 0 || at.y < 0 || at.x >= across || i >= count || any(greaterThanEqual(inside, cell)) ? -1 : i;
 }
 
-// The first texel of a tile in the texture.
+// Return the first texel of a tile in the texture.
 ivec2 corner_of(int i)
 {
     return ivec2(i % columns, i / columns) * ivec2(cell);

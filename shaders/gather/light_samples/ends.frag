@@ -1,4 +1,4 @@
-// Shadow rays of next-event estimation, which Embree traces: one row per record, one texel per sample (docs/METHOD.md, 3.8).
+// Shadow rays of next-event estimation, which Embree traces: one row per record, one texel per sample (METHOD.md, 3.8).
 #include "gather/light_samples/sample.glsl"
 #include "gather/places.glsl"
 

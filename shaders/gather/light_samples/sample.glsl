@@ -1,4 +1,4 @@
-// Next-event estimation of a record: sample s and its geometry (docs/METHOD.md, 3.8). VIRTUAL: 1 for virtual point lights
+// Next-event estimation of a record: sample s and its geometry (METHOD.md, 3.8). VIRTUAL: 1 for virtual point lights
 // (irrsplat/lighting/virtual_lights.py), 0 for points on emitters.
 #include "generated/constants.glsl"
 #include "lib/texel.glsl"

@@ -1,4 +1,4 @@
-// Next-event estimation: the contribution of light sources to the sums of a block of a record, by shadow rays (docs/METHOD.md, 3.8). The
+// Next-event estimation: the contribution of light sources to the sums of a block of a record, by shadow rays (METHOD.md, 3.8). The
 // balance heuristic weights each sample against rays that hit the source (lighting/emitters_hit.glsl, lighting/virtual_lights/hit.glsl).
 // For records with derivatives, additional eyes on a circle test the samples, too: differences of visibility give its derivatives.
 // SEEN: 1 if Embree has traced the shadow rays. The outputs are those of gather/reduce_blocks.frag.

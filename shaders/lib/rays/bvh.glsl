@@ -1,5 +1,5 @@
 // The nearest triangle along a ray, by stackless traversal of the bounding volume hierarchy of irrsplat/scene/spatial/bvh.py
-// (docs/METHOD.md, 12). CUT_OUTS: 1 if some triangles have holes.
+// (METHOD.md, 12). CUT_OUTS: 1 if some triangles have holes.
 #include "lib/rays/hit.glsl"
 #if CUT_OUTS
 #include "generated/vertex_table.glsl"

@@ -1,4 +1,4 @@
-// Holes in surfaces: light passes at points with an opacity below the material's cutoff (docs/METHOD.md, 3.9).
+// Holes in surfaces: light passes at points with an opacity below the material's cutoff (METHOD.md, 3.9).
 #include "lib/dither.glsl"
 #include "lib/material_table.glsl"
 

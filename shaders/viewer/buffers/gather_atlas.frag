@@ -16,9 +16,9 @@ void main()
     ivec2 texel;
     int i = tile_at(texel);
     if (i < 0) return;
-    vec4 seen = texelFetch(radiance, corner_of(i) + texel, 0);
+    vec4 hit = texelFetch(radiance, corner_of(i) + texel, 0);
     mat3 frame = mat3(texelFetch(frames, ivec2(i, 0), 0).xyz, texelFetch(frames, ivec2(i, 1), 0).xyz,
                       texelFetch(frames, ivec2(i, 2), 0).xyz);
     vec3 behind = sky_along(texelFetch(table, texel, 0), sky_frame(frame));
-    out_color.rgb = display((seen.a > 0.0 ? seen.rgb : behind) * gain);
+    out_color.rgb = display((hit.a > 0.0 ? hit.rgb : behind) * gain);
 }

@@ -12,7 +12,7 @@ uniform vec3 palette[FALSE_COLOURS];  // display colours from low to high
 const float SAME = 0.02;  // relative difference in depth of neighbours on one surface
 const float LINE = 0.35;  // factor on the colour of a line
 
-// The position of a pixel's light on the scale: 0 at the lower end, 1 at the upper end.
+// Return the position of a pixel's light on the scale: 0 at the lower end, 1 at the upper end.
 float place(ivec2 pixel)
 {
     vec4 s = texelFetch(values, pixel, 0);
@@ -21,9 +21,10 @@ float place(ivec2 pixel)
     return clamp(t, 0.0, 1.0);
 }
 
-bool crosses(float t, float depth, ivec2 beside)
+// Return true if a step of the scale lies between this pixel and its neighbour on the same surface.
+bool crosses(float t, float depth, ivec2 neighbour)
 {
-    ivec2 pixel = min(beside, textureSize(values, 0) - 1);
+    ivec2 pixel = min(neighbour, textureSize(values, 0) - 1);
     float d = texelFetch(position, pixel, 0).w;
     // the upper end belongs to the last step
     float last = steps - 1.0;

@@ -1,10 +1,10 @@
-// The pixels to which one record contributes, with opacity by weight, see indirect/splat.frag.
+// The pixels to which a record contributes, see indirect/splat.frag; opacity by weight.
 #include "records/weight.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform vec2 scale;          // pixels of the view per pixel of the target
-uniform vec3 tint;
+uniform vec3 tint;           // display colour
 
 flat in vec3 v_place;
 flat in vec3 v_normal;

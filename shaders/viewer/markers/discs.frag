@@ -6,7 +6,7 @@ in float v_side;       // pixels from the middle of the line
 
 layout(location = 0) out vec4 out_color;
 
-// The colour of the record, with dark sides, so that the line is visible on any ground.
+// Return the colour of the record with dark sides, so that the line is visible on any background.
 vec4 line()
 {
     float d = abs(v_side), core = clamp(1.25 - d, 0.0, 1.0);

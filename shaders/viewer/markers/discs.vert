@@ -9,7 +9,7 @@ uniform vec2 size;           // size of the target, pixels
 uniform vec2 span;           // log of a·R_k in metres at the first colour; advance of the colours, 0..1, per unit of that log
 uniform float width;         // half the width of the strip, pixels
 uniform float pixel;         // size of a pixel at distance 1, in metres
-uniform int segments;        // the most straight pieces of an ellipse
+uniform int segments;        // greatest number of straight pieces of an ellipse
 uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 without a surface
 
 flat out vec3 v_color;
@@ -18,12 +18,13 @@ out float v_side;
 const float TURN = 6.28318530717959;
 const float PIECES = 2.65;  // pieces of an ellipse per root of its radius in pixels: their error, r(1 - cos(π/n)), is 0.7 pixels
 
+// Return the display colour of a record, by a·R_k.
 vec3 record_color(ivec2 texel)
 {
     return heat((log(max(a * record_radius(texel), 1e-30)) - span.x) * span.y);
 }
 
-// A clip space point, moved by `pixels` of the target.
+// Return a clip space point, moved by `pixels` of the target.
 vec4 moved(vec4 clip, vec2 pixels)
 {
     return vec4(clip.xy + pixels * 2.0 / size * clip.w, clip.zw);
@@ -32,7 +33,7 @@ vec4 moved(vec4 clip, vec2 pixels)
 // Share of a disc's radius that may lie behind the visible surface, since a tangent disc dips into a curved surface.
 const float DIP = 0.05;
 
-// The distance in metres by which a point of a disc is hidden, negative for a visible point. A surface in front of the disc's
+// Return the distance in metres by which a point of a disc is hidden, negative for a visible point. A surface in front of the disc's
 // plane hides the disc, and so does a surface nearer to the eye by more than the disc's radius. A test of depths alone is not
 // enough, see plane.frag. Vertices are tested, since a test of all pixels costs a software renderer half as much again.
 float hidden_by(vec4 clip, vec3 point, vec3 facing, float radius)
@@ -43,7 +44,7 @@ float hidden_by(vec4 clip, vec3 point, vec3 facing, float radius)
     return max(dot(q.xyz - point, facing), clip.w - q.w - radius) - pixel * q.w - DIP * radius;
 }
 
-// The unit direction on screen, in pixels, of a point's motion by `clip_step` in clip space.
+// Return the unit direction on screen, in pixels, of a point's motion by `clip_step` in clip space.
 vec2 heading(vec4 clip, vec4 clip_step)
 {
     vec2 way = (clip_step.xy * clip.w - clip.xy * clip_step.w) * size;
