@@ -36,7 +36,7 @@ layout(location = 7) out vec4 out_g_b;    // w: sum of squared differences of cÂ
 #endif
 
 // Return radiance and 1/distance at a texel of the cell whose first texel is `corner`. direction: the texel's entry in `table`.
-vec4 incident_radiance(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
+vec4 incident_radiance(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame axes)
 {
     vec4 s = texel_at(radiance, corner + texel);
 #if SKY_MAP
@@ -48,30 +48,30 @@ vec4 incident_radiance(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_t
 #else
     float visible_sky = s.a > 0.0 ? 0.0 : 1.0;
 #endif
-    vec3 sky_light = visible_sky * sky_along(direction, sky_there);
+    vec3 sky_light = visible_sky * sky_along(direction, axes);
     return s.a > 0.0 ? vec4(s.rgb + sky_light, 1.0 / s.a) : vec4(sky_light, 0.0);
 }
 
-// Read the frame of an eye, the geometric normal in this frame, and the orientation of the sky. place: column of `frames`.
-void read_eye(int place, out mat3 frame, out vec3 g, out SkyFrame sky_there)
+// Read the frame of an eye, the geometric normal in this frame, and the orientation of the sky. eye: column of `frames`.
+void read_eye(int eye, out mat3 frame, out vec3 g, out SkyFrame axes)
 {
-    frame = mat3(texel_at(frames, ivec2(place, 0)).xyz, texel_at(frames, ivec2(place, 1)).xyz,
-                 texel_at(frames, ivec2(place, 2)).xyz);
-    g = texel_at(frames, ivec2(place, 3)).xyz;
-    sky_there = sky_frame(frame);
+    frame = mat3(texel_at(frames, ivec2(eye, 0)).xyz, texel_at(frames, ivec2(eye, 1)).xyz,
+                 texel_at(frames, ivec2(eye, 2)).xyz);
+    g = texel_at(frames, ivec2(eye, 3)).xyz;
+    axes = sky_frame(frame);
 }
 
 void main()
 {
     ivec2 first = ivec2(gl_FragCoord.xy) * block;
-    ivec2 place = first / cell, corner = place * cell, inside = first - corner;
+    ivec2 index = first / cell, corner = index * cell, inside = first - corner;
     out_sums = vec4(0.0);
     out_share = vec4(0.0);
-    int record = place.y * columns + place.x;
+    int record = index.y * columns + index.x;
     mat3 frame;
     vec3 g;
-    SkyFrame sky_there;
-    read_eye(place_of_texel(record, ivec2(0)), frame, g, sky_there);
+    SkyFrame axes;
+    read_eye(place_of_texel(record, ivec2(0)), frame, g, axes);
 #if GRADIENTS
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
@@ -80,7 +80,7 @@ void main()
     for (int y = inside.y; y < inside.y + block.y; ++y)
     {
 #if GRADIENTS
-        vec4 next = texel_at(table, ivec2(inside.x, y)), L_next = incident_radiance(corner, ivec2(inside.x, y), next, sky_there);
+        vec4 next = texel_at(table, ivec2(inside.x, y)), L_next = incident_radiance(corner, ivec2(inside.x, y), next, axes);
         vec4 plane_next = texel_at(planes, corner + ivec2(inside.x, y));
 #endif
         for (int x = inside.x; x < inside.x + block.x; ++x)
@@ -88,8 +88,8 @@ void main()
 #if GRADIENTS
             vec4 direction = next, L = L_next, plane = plane_next;
 #else
-            read_eye(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
-            vec4 direction = texel_at(table, ivec2(x, y)), L = incident_radiance(corner, ivec2(x, y), direction, sky_there);
+            read_eye(place_of_texel(record, ivec2(x, y)), frame, g, axes);
+            vec4 direction = texel_at(table, ivec2(x, y)), L = incident_radiance(corner, ivec2(x, y), direction, axes);
             vec4 plane = texel_at(planes, corner + ivec2(x, y));
 #endif
             float above = dot(direction.xyz, g) > 0.0 ? 1.0 : 0.0;  // 0: below the horizon of the surface
@@ -105,7 +105,7 @@ void main()
                 int number = int(edge.w);  // without a neighbour the number of the texel itself, so that the difference is 0
                 ivec2 b = ivec2(number % NEIGHBOUR_STRIDE, number / NEIGHBOUR_STRIDE);
                 vec4 neighbour = texel_at(table, b);
-                vec4 L_b = incident_radiance(corner, b, neighbour, sky_there), plane_b = texel_at(planes, corner + b);
+                vec4 L_b = incident_radiance(corner, b, neighbour, axes), plane_b = texel_at(planes, corner + b);
                 if (j == 0)
                 {
                     // in a block, the right neighbour is the next texel

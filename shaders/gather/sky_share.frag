@@ -21,9 +21,9 @@ int sees_sky(ivec2 corner, ivec2 stratum)
 
 void main()
 {
-    ivec2 place = ivec2(gl_FragCoord.xy) / cell, corner = place * cell, inside = ivec2(gl_FragCoord.xy) - corner;
+    ivec2 index = ivec2(gl_FragCoord.xy) / cell, corner = index * cell, inside = ivec2(gl_FragCoord.xy) - corner;
     // the counts exclude the stratum itself, so that the choice causes no bias
-    int own = sees_sky(corner, inside), sky_strata = -own, strata = -1;
+    int meets_sky = sees_sky(corner, inside), sky_strata = -meets_sky, strata = -1;
     for (int y = max(inside.y - NEAR, 0); y <= min(inside.y + NEAR, cell.y - 1); ++y)
     {
         int wide = int(texel_at(closer_rays, ivec2(0, y)).w);
@@ -31,7 +31,7 @@ void main()
             sky_strata += sees_sky(corner, ivec2(x < 0 ? x + cell.x : x < cell.x ? x : x - cell.x, y));
         strata += 2 * wide + 1;
     }
-    // loops with 0 steps in place of an `if`, because software renderers run both branches of an `if`
+    // loops in place of an `if`, because software renderers run both branches of an `if`
     int sky_samples = 0, samples = 0, height = sky_strata > 0 && sky_strata < strata ? cell.y : 0;
     for (int y = 0; y < height; y += step.y)
         for (int x = 0; x < cell.x; x += step.x)
@@ -39,7 +39,7 @@ void main()
             sky_samples += sees_sky(corner, ivec2(x, y));
             ++samples;
         }
-    int rays = samples > 0 && float(sky_samples) <= most * float(samples) ? RAYS : 0, sky_rays = 0, record = place.y * columns + place.x;
+    int rays = samples > 0 && float(sky_samples) <= most * float(samples) ? RAYS : 0, sky_rays = 0, record = index.y * columns + index.x;
     mat3 frame = mat3(texel_at(frames, ivec2(record, 0)).xyz, texel_at(frames, ivec2(record, 1)).xyz,
                       texel_at(frames, ivec2(record, 2)).xyz);
     vec3 eye = texel_at(frames, ivec2(record, 4)).xyz;
@@ -48,5 +48,5 @@ void main()
         vec3 d = normalize(frame * texel_at(closer_rays, ivec2(inside.x * RAYS + j, inside.y)).xyz);
         sky_rays += bvh_between(eye, d, 0.0, FARTHEST_HIT).t < FARTHEST_HIT ? 0 : 1;
     }
-    out_share = rays > 0 ? float(sky_rays) / float(RAYS) : float(own);
+    out_share = rays > 0 ? float(sky_rays) / float(RAYS) : float(meets_sky);
 }

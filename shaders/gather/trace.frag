@@ -63,8 +63,8 @@ vec3 irradiance_at_hit(int i, Receiver receiver, vec3 eye, vec3 to_hit, vec3 ray
 
 void main()
 {
-    vec2 place = floor(gl_FragCoord.xy / vec2(cell)), inside = gl_FragCoord.xy - place * vec2(cell);
-    int record = int(place.y) * columns + int(place.x);
+    vec2 index = floor(gl_FragCoord.xy / vec2(cell)), inside = gl_FragCoord.xy - index * vec2(cell);
+    int record = int(index.y) * columns + int(index.x);
     int eye_column = place_of_texel(record, ivec2(inside));
     mat3 frame = mat3(texel_at(frames, ivec2(eye_column, 0)).xyz, texel_at(frames, ivec2(eye_column, 1)).xyz,
                       texel_at(frames, ivec2(eye_column, 2)).xyz);

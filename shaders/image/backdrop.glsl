@@ -11,12 +11,12 @@ uniform sampler2D sky_seen;  // W/(m² sr), equirectangular, centre to the north
 vec3 sky_behind(vec2 at)
 {
     vec3 ray = pixel_rays * vec3(at + vec2(picture_corner), 1.0);  // length 1 along the view axis
-    float away = length(ray), texel = PI / float(textureSize(sky_seen, 0).y);
-    vec3 d = sky_from_world * (ray / away);
+    float distance = length(ray), texel = PI / float(textureSize(sky_seen, 0).y);
+    vec3 d = sky_from_world * (ray / distance);
     // square root of the pixel's solid angle, in texels
-    float width = length(pixel_rays[0]) * inversesqrt(away * away * away) / texel;
-    vec2 place = vec2(0.5 + 0.5 * INV_PI * atan(d.x, -d.z), 1.0 - atan(length(d.xz), d.y) * INV_PI);
-    return textureLod(sky_seen, place, max(log2(width), 0.0)).rgb;
+    float width = length(pixel_rays[0]) * inversesqrt(distance * distance * distance) / texel;
+    vec2 uv = vec2(0.5 + 0.5 * INV_PI * atan(d.x, -d.z), 1.0 - atan(length(d.xz), d.y) * INV_PI);
+    return textureLod(sky_seen, uv, max(log2(width), 0.0)).rgb;
 }
 #else
 

@@ -19,16 +19,16 @@ uniform float normal_scale;  // factor on the map's x and y
 #endif
 
 // Return image coordinates, folded in mirrored directions, because moderngl cannot set OpenGL's mirrored repetition.
-vec2 folded(vec2 place, vec2 mirrored)
+vec2 folded(vec2 st, vec2 mirrored)
 {
-    return mix(place, 1.0 - abs(1.0 - mod(place, 2.0)), mirrored);
+    return mix(st, 1.0 - abs(1.0 - mod(st, 2.0)), mirrored);
 }
 
 // Return the mean over a pixel's footprint. A long footprint has up to MAP_TAPS samples along its length (1 with the driver's anisotropic
 // filter). If it is also wider than a texel, it has two rows of samples, half a level finer, because one would blur beyond its sides.
-vec4 map_texel(sampler2D map, vec2 place, vec2 mirrored)
+vec4 map_texel(sampler2D map, vec2 st, vec2 mirrored)
 {
-    vec2 x = dFdx(place), y = dFdy(place);
+    vec2 x = dFdx(st), y = dFdy(st);
 #if MAP_TAPS > 1
     vec2 size = vec2(textureSize(map, 0));  // texels
     float across = length(x * size), down = length(y * size);
@@ -42,13 +42,13 @@ vec4 map_texel(sampler2D map, vec2 place, vec2 mirrored)
     vec4 sum = vec4(0.0);
     for (float tap = 0.5; tap < taps; ++tap)
     {
-        vec2 at = place + (tap / taps - 0.5) * along;
+        vec2 at = st + (tap / taps - 0.5) * along;
         sum += textureGrad(map, folded(at - row, mirrored), x, y);
         if (wide) sum += textureGrad(map, folded(at + row, mirrored), x, y);
     }
     return sum / (wide ? 2.0 * taps : taps);
 #else
-    return textureGrad(map, folded(place, mirrored), x, y);
+    return textureGrad(map, folded(st, mirrored), x, y);
 #endif
 }
 
@@ -67,13 +67,13 @@ vec4 albedo_texel(vec4 uv)
 // front: true for the front; on the back, a bump is a dent.
 vec3 mapped_normal(vec3 p, vec3 n, vec3 g, vec4 uv, bool front)
 {
-    vec2 place = normal_from_uv * uv + normal_place.xy;
-    vec3 bent = map_texel(normal_map, place, normal_place.zw).xyz * 2.0 - 1.0;
+    vec2 st = normal_from_uv * uv + normal_place.xy;
+    vec3 bent = map_texel(normal_map, st, normal_place.zw).xyz * 2.0 - 1.0;
     bent.xy *= front ? normal_scale : -normal_scale;
-    vec2 place_x = dFdx(place), place_y = dFdy(place);
+    vec2 st_x = dFdx(st), st_y = dFdy(st);
     vec3 across_y = cross(dFdy(p), n), across_x = cross(n, dFdx(p));
-    vec3 tangent = across_y * place_x.x + across_x * place_y.x;
-    vec3 bitangent = -(across_y * place_x.y + across_x * place_y.y);  // upward in the image
+    vec3 tangent = across_y * st_x.x + across_x * st_y.x;
+    vec3 bitangent = -(across_y * st_x.y + across_x * st_y.y);  // upward in the image
     float size = max(dot(tangent, tangent), dot(bitangent, bitangent));
     if (!(size > 0.0) || isinf(size)) return n;
     vec3 mapped = (tangent * bent.x + bitangent * bent.y) * inversesqrt(size) + n * max(bent.z, 0.0);

@@ -14,12 +14,12 @@ uniform sampler2D reach;     // valid share of the records' reach at each pixel 
 #endif
 
 // see splat_outputs.glsl
-flat in vec3 v_place;
+flat in vec3 v_position;
 flat in vec3 v_normal;
 flat in vec3 v_axis;
 flat in vec2 v_radii;
-flat in float v_share;
-flat in float v_sure;
+flat in float v_factor;
+flat in float v_signal;
 #if GRADIENTS
 flat in vec2 v_curvature;
 flat in mat3 v_m;
@@ -48,7 +48,7 @@ void main()
     ivec2 pixel = pixel_stride * ivec2(gl_FragCoord.xy);
     vec4 p = texel_at(position, pixel);
     if (p.w == 0.0) discard;
-    vec3 offset = p.xyz - v_place, n = texel_at(normal, pixel).xyz;
+    vec3 offset = p.xyz - v_position, n = texel_at(normal, pixel).xyz;
     float w = record_weight(offset, v_axis, v_radii, n, v_normal);
     float least = 1.0 / a;
 #if REFINED
@@ -64,7 +64,7 @@ void main()
     vec3 E = v_irradiance;
 #endif
     // w - 1/a is continuous at the rim of the record, so that the rim is invisible; the paper's kernel has a step at the rim
-    float k = v_share * (hessian ? w - least : w);
+    float k = v_factor * (hessian ? w - least : w);
 #if GRADIENTS
     // offset·∇E is the first order of the expansion
     float Y_k = dot(E, LUMINANCE);
@@ -75,5 +75,5 @@ void main()
 #endif
     out_sums = k * vec4(E, 1.0);
     float Y = dot(E, LUMINANCE);
-    out_weight = vec2(w, k * Y * Y * v_sure);
+    out_weight = vec2(w, k * Y * Y * v_signal);
 }

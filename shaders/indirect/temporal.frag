@@ -29,11 +29,11 @@ void main()
     vec4 p = texel_at(position, pixel * pixel_stride), s = texel_at(sums, pixel);
     // along a plane, 1/depth is linear on screen: the filtered value equals 1/depth only if all four pixels lie on one plane
     vec4 clip = clip_from_world * vec4(p.xyz, 1.0);  // w: depth in the last picture, metres
-    vec2 place = clip.xy / clip.w * shown_place.xy + shown_place.zw;
-    vec4 last = textureLod(shown, place, 0.0);
+    vec2 uv = clip.xy / clip.w * shown_place.xy + shown_place.zw;
+    vec4 last = textureLod(shown, uv, 0.0);
     out_facing = facing_of(texel_at(normal, pixel * pixel_stride).xyz);
-    bool matches = abs(last.a * clip.w - 1.0) <= OTHER_DEPTH && abs(textureLod(shown_facing, place, 0.0).r - out_facing) <= OTHER_FACING;
-    bool reprojected = accumulating && p.w > 0.0 && matches && place == clamp(place, 0.0, 1.0);
+    bool matches = abs(last.a * clip.w - 1.0) <= OTHER_DEPTH && abs(textureLod(shown_facing, uv, 0.0).r - out_facing) <= OTHER_FACING;
+    bool reprojected = accumulating && p.w > 0.0 && matches && uv == clamp(uv, 0.0, 1.0);
     vec3 E = s.rgb / max(s.a, 1e-20), E_last = dimming * last.rgb / max(last.a, 1e-20);
     E = s.a > 0.0 ? (reprojected ? mix(E_last, E, share) : E) : E_last;
     bool has_light = p.w > 0.0 && (s.a > 0.0 || filling && reprojected && kept);

@@ -19,8 +19,8 @@ void main()
     vec4 p = texel_at(position, at), plane = texel_at(planes, square);
     bool hole = plane == vec4(0.0, 0.0, 0.0, 1.0);  // a hole: no record covers the four pixels
     bool between = plane.xyz != vec3(0.0) && abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;
-    vec2 place = (0.5 * vec2(at) + 0.5) / vec2(textureSize(irradiance, 0));
-    vec4 E = between ? textureLod(irradiance, place, 0.0) : vec4(0.0);
+    vec2 uv = (0.5 * vec2(at) + 0.5) / vec2(textureSize(irradiance, 0));
+    vec4 E = between ? textureLod(irradiance, uv, 0.0) : vec4(0.0);
     float Y = dot(E.rgb, LUMINANCE);
     out_sums = vec4(E.rgb, between ? 1.0 : 0.0);
     out_weight = p.w == 0.0 ? vec2(NOTHING_SEEN, 0.0) : vec2(E.a, Y * Y);

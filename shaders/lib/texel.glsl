@@ -1,6 +1,5 @@
-// Reads of single texels. `texel_at` returns the texel in column at.x and row at.y of a texture without filter and repetition. The
-// result equals that of texelFetch. Software renderers take up to a third less time, because no bounds are tested; shading a hit takes
-// some 25 reads.
+// Reads of single texels, in column at.x and row at.y. The result equals that of texelFetch. Software renderers take up to a third less
+// time, because they test no bounds; shading a hit takes some 25 reads.
 vec4 texel_at(sampler2D values, ivec2 at)
 {
     return textureLod(values, (vec2(at) + 0.5) / vec2(textureSize(values, 0)), 0.0);

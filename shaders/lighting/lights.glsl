@@ -23,7 +23,7 @@ const float BEYOND = 1e-3;  // degrees: greatest rounding of a direction beyond 
 
 // Return the position of `angle` between `count` ascending angles: number of the last angle that is not greater, and fraction of the
 // interval to the next one. The angles are in texels of the photometry, from `first` in steps of `step`.
-vec2 angle_place(ivec2 first, ivec2 step, int count, float angle)
+vec2 angle_position(ivec2 first, ivec2 step, int count, float angle)
 {
     int low = 0, high = count - 1;
     for (int i = 0; i < PHOTOMETRY_HALVINGS; ++i)
@@ -51,7 +51,7 @@ float luminaire_intensity(int i, vec3 w)
     if (last > 1 && azimuth > texel_at(photometry, ivec2(0, row + last)).r + BEYOND) return 0.0;
     int columns = int(quarter.w);
     if (polar < texel_at(photometry, ivec2(1, row)).r - BEYOND || polar > texel_at(photometry, ivec2(columns, row)).r + BEYOND) return 0.0;
-    vec2 p = angle_place(ivec2(1, row), ivec2(1, 0), columns, polar), a = angle_place(ivec2(0, row + 1), ivec2(0, 1), last, azimuth);
+    vec2 p = angle_position(ivec2(1, row), ivec2(1, 0), columns, polar), a = angle_position(ivec2(0, row + 1), ivec2(0, 1), last, azimuth);
     ivec2 corner = ivec2(1 + int(p.x), row + 1 + int(a.x)), right = ivec2(1, 0), up = ivec2(0, last > 1 ? 1 : 0);
     float low = mix(texel_at(photometry, corner).r, texel_at(photometry, corner + right).r, p.y);
     float high = mix(texel_at(photometry, corner + up).r, texel_at(photometry, corner + up + right).r, p.y);
@@ -138,10 +138,10 @@ void cube_tile(vec3 d, vec3 g, inout Projected t)
 float shadow_ray(int i, Receiver r)
 {
     vec4 light = light_table[i * LIGHT_ROWS + LIGHT_POSITION];
-    float off = ROUNDING * shadow_layout.z;  // metres: gap at the receiver and at the light
-    vec3 from = r.p + off * r.g, to_light = light.w > 0.5 ? light.xyz : light.xyz - from;
-    float distance = length(to_light), end = light.w > 0.5 ? FARTHEST_HIT : distance - off;
-    return float(bvh_between(from, to_light / distance, 0.0, end).t >= end);
+    float gap = ROUNDING * shadow_layout.z;  // metres, at the receiver and at the light
+    vec3 origin = r.p + gap * r.g, to_light = light.w > 0.5 ? light.xyz : light.xyz - origin;
+    float distance = length(to_light), end = light.w > 0.5 ? FARTHEST_HIT : distance - gap;
+    return float(bvh_between(origin, to_light / distance, 0.0, end).t >= end);
 }
 #endif
 
@@ -195,8 +195,8 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     if (taps == 1)
     {
         // The texel of a flat receiver shows the receiver, or the texel's centre lies past an edge. In the latter case, the diagonal
-        // neighbour in the direction of the point's quarter lies inside of the edge. Software renderers read all three texels for all
-        // receivers; if the first one decides, all reads are of this texel, which is in the processor's cache.
+        // neighbour in the direction of the point's quarter lies inside of the edge. Software renderers always read three texels; if
+        // the first one decides, the other reads repeat it from the processor's cache.
         float gap = shadow_gap(t, vec2(0.0));
         bool decides = gap >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.separation);
         vec2 inward = decides ? vec2(0.0) : sign(fract(t.texel) - 0.5);
@@ -239,7 +239,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
 #endif
 }
 
-// Return the unshadowed irradiance by light i at the receiver, W/m². spread: cosθ/d², the solid angle of the receiver from the light, per m².
+// Return the unshadowed irradiance by light i, W/m². spread: cosθ/d², the solid angle of the receiver from the light, per m².
 vec3 light_irradiance(int i, Receiver r, out float spread)
 {
     int row = i * LIGHT_ROWS;

@@ -1,7 +1,7 @@
 // The limit of a record's radii by inter-record differences, as a share of the radii (METHOD.md, 5.5). A fragment is a record.
-// The record extrapolates to the positions of its neighbours, and is compared with the irradiance that they gathered. The relative
-// difference is assumed to grow with the square of the distance. The limit is the distance at which the difference reaches `adapt` (after
-// Křivánek et al. 2006, "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
+// The record extrapolates to its neighbours, and is compared with their irradiance. The relative difference is assumed to grow with the
+// square of the distance. The limit is the distance at which the difference reaches `adapt` (after Křivánek et al. 2006, "Making
+// Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
 #include "records/weight.glsl"
 #include "records/record.glsl"
 #include "records/point_grid.glsl"
@@ -9,7 +9,7 @@
 uniform float adapt;        // allowed relative difference at the rim of a record's ellipse
 uniform sampler2D targets;  // numbers of the records to limit, one per texel, row by row
 uniform int count;          // number of records to limit
-uniform bool by_all;        // true if records are compared with all others; false: only with records of lower numbers, which are older
+uniform bool by_all;        // true if all records are compared; false: only with records of lower numbers, which are older
 
 layout(location = 0) out float out_limit;
 

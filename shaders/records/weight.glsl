@@ -44,8 +44,8 @@ vec3 extrapolated_irradiance(vec3 E, vec3 slope, vec3 offset, vec3 n_k, vec3 axi
     return clamp(E + slope + second_order * E, vec3(0.0), max(2.0 * E, 0.0));
 }
 
-// Return a factor on a record's weight that is small where extrapolation reduces its luminance Y_k to a small Y. A few pixels from a
-// contact, light falls so steeply that the expansion reaches black too early.
+// Return a factor on a record's weight: small if extrapolation reduces its luminance Y_k to a small Y. A few pixels from a contact, light
+// falls so steeply that the expansion reaches black too early.
 float weight_factor(float Y_k, float Y)
 {
     return Y_k > 0.0 ? clamp(Y / (FAINT * Y_k), 1e-3, 1.0) : 1.0;

@@ -2,8 +2,8 @@
 // irrsplat/surface_cache/tessellation.py.
 #include "lib/rays/triangles.glsl"
 
-uniform sampler2D surface_triangles;  // per triangle: n steps per edge, number of the first cell. For a triangle of n² parts: -n, number of the
-                                      // first part; for n strips across the edges at corner k: -n - (k + 1)/4
+uniform sampler2D surface_triangles;  // per triangle: n steps per edge, number of the first cell. For n² parts: -n, number of the first part;
+                                      // for n strips across the edges at corner k: -n - (k + 1)/4
 uniform sampler2D surface_cells;      // two texels per cell, front and back: xyz numbers of the values at the corners (-1: none); w: 0 if
                                       // all corners see each other; else an object occludes part of the cell, and w is the number of
                                       // the item with the lines beyond which corners are hidden
@@ -21,6 +21,7 @@ struct Lookup
 // lines, see _borders in site_layout.py.
 vec3 surface_visible_corners(int item, vec3 weights)
 {
+    // factors on the weights of the next corner and of the one after it
     vec4 next = texel_at(surface_cells, table_texel(item, 2, 0));
     vec3 after = texel_at(surface_cells, table_texel(item, 2, 1)).xyz;
     vec3 along = weights.yzx * abs(next.xyz), across = weights.zxy * after;
@@ -62,15 +63,15 @@ int surface_strip(vec3 barycentric, int n, int apex, out vec3 inner)
 // Return the values of the cell at a point of a triangle. side: 0 for the front by the triangle's winding, 1 for the back.
 Lookup surface_lookup(int triangle, vec3 barycentric, int side)
 {
-    vec2 cut = texel_at(surface_triangles, table_texel(triangle * surface_known)).xy;
+    vec2 lattice = texel_at(surface_triangles, table_texel(triangle * surface_known)).xy;
     vec3 weights;
-    if (cut.x < 0.0)
+    if (lattice.x < 0.0)
     {
-        int n = int(-cut.x), apex = int(4.0 * (-cut.x - float(n))) - 1;
+        int n = int(-lattice.x), apex = int(4.0 * (-lattice.x - float(n))) - 1;
         int part = apex < 0 ? surface_cell(barycentric.yz * n, n, barycentric) : surface_strip(barycentric, n, apex, barycentric);
-        cut = texel_at(surface_triangles, table_texel(int(cut.y) + part)).xy;
+        lattice = texel_at(surface_triangles, table_texel(int(lattice.y) + part)).xy;
     }
-    int cell = int(cut.y) + surface_cell(barycentric.yz * cut.x, int(cut.x), weights);
+    int cell = int(lattice.y) + surface_cell(barycentric.yz * lattice.x, int(lattice.x), weights);
     vec4 corners = texel_at(surface_cells, table_texel(cell, 2, side));
     vec3 valid = mix(weights, vec3(0.0), lessThan(corners.xyz, vec3(0.0)));
     if (corners.w > 0.0) valid *= surface_visible_corners(int(corners.w), weights);

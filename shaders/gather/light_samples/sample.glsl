@@ -61,9 +61,9 @@ Source source_of(float s, Viewpoint receiver)
 {
     int sets = textureSize(virtual_radiance, 0).y;
     ivec2 number = ivec2(int(s), min(int(receiver.shift.x * float(sets)), sets - 1)), at = ivec2(1, 3) * number;
-    vec4 place = texel_at(virtual_places, at);
+    vec4 position = texel_at(virtual_places, at);
     vec3 normal = texel_at(virtual_places, at + ivec2(0, 1)).xyz, L = texel_at(virtual_radiance, number).rgb;
-    return Source(place.xyz - receiver.eye, normal, true, place.w, L);
+    return Source(position.xyz - receiver.eye, normal, true, position.w, L);
 }
 
 // Return the emitted radiance, W/(m² sr).

@@ -52,8 +52,8 @@ int visibility_bits(int eyes, Viewpoint receiver, vec3 to_source, bool possible)
 
 void main()
 {
-    ivec2 texel = ivec2(gl_FragCoord.xy), place = texel / blocks, inside = texel - place * blocks;
-    int record = place.y * columns + place.x;
+    ivec2 texel = ivec2(gl_FragCoord.xy), index = texel / blocks, inside = texel - index * blocks;
+    int record = index.y * columns + index.x;
     Viewpoint receiver = viewpoint(place_of_sample(record, 0));
     vec3 E = vec3(0.0);
 #if GRADIENTS

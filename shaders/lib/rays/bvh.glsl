@@ -12,8 +12,8 @@ uniform int bvh_count;           // nodes per octant of ray directions; in each 
 uniform vec3 bvh_start;          // world position of grid coordinate 0 of the boxes, metres
 uniform vec3 bvh_step;           // metres per step of the grid
 
-// Return the nearest hit of the ray from o in the unit direction d between `nearest` and `farthest` metres; its t is `farthest`
-// without a hit. A software renderer runs both branches of an `if` for a group of rays, but a loop only as often as the longest ray
+// Return the nearest hit of the ray from o in the unit direction d between `nearest` and `farthest` metres; t is `farthest` without a
+// hit. A software renderer runs both branches of an `if` for a group of rays, but a loop only as often as the longest ray
 // needs. The inner loop therefore visits boxes only, and ends at a leaf, where rays wait for each other (Aila and Laine 2009).
 Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
 {

@@ -16,9 +16,9 @@ bool light_passes(Vertex point)
     opacity *= texture_mean(point, MATERIAL_ALBEDO_TEXTURE, vec2(0.0)).a;
     vec4 across = material_row(material, MATERIAL_ALBEDO_TEXTURE), down = material_row(material, MATERIAL_ALBEDO_TEXTURE + 1);
     vec4 cut_out = material_row(material, MATERIAL_ALBEDO_TEXTURE + 2);
-    vec2 place = texture_coordinates(point, across, down, 0.0) * float(textureSize(texture_layers, 0).x) * DITHER;
+    vec2 dither_cell = texture_coordinates(point, across, down, 0.0) * float(textureSize(texture_layers, 0).x) * DITHER;
     // the alpha of a dithered layer is the opaque share of a texel; the vertex opacity is relative to that of the material
-    if (across.w >= 0.0 && cut_out.y > 0.5) return opacity * cut_out.x / max(cutoff, 1e-6) <= dither(place);
+    if (across.w >= 0.0 && cut_out.y > 0.5) return opacity * cut_out.x / max(cutoff, 1e-6) <= dither(dither_cell);
 #endif
     return opacity < cutoff;
 }

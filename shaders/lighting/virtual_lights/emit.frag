@@ -13,13 +13,13 @@ layout(location = 0) out vec4 out_radiance;  // W/(m² sr)
 void main()
 {
     ivec2 at = ivec2(1, 3) * ivec2(gl_FragCoord.xy);
-    vec4 place = texel_at(places, at), normal = texel_at(places, at + ivec2(0, 1));
+    vec4 position = texel_at(places, at), normal = texel_at(places, at + ivec2(0, 1));
     vec4 barycentric = texel_at(places, at + ivec2(0, 2));
     int triangle = int(barycentric.w);
     ivec3 number = triangle_vertices(triangle);
     Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(barycentric.xyz, A, B, C);
-    Material material = material_mean(point, texture_area(1.0 / place.w, A, B, C));
+    Material material = material_mean(point, texture_area(1.0 / position.w, A, B, C));
     vec3 g = normal.xyz;
-    vec3 E = light_irradiance(int(normal.w), Receiver(place.xyz, shading_normal(point.normal, g), g, FLAT));
+    vec3 E = light_irradiance(int(normal.w), Receiver(position.xyz, shading_normal(point.normal, g), g, FLAT));
     out_radiance = vec4(reflected_radiance(material, E), 0.0);
 }

@@ -20,34 +20,34 @@ void main()
 {
     int row = int(gl_FragCoord.y);
     ivec2 light = ivec2(0, row / sets);
-    float set = float(row % sets), number = floor(gl_FragCoord.x), part = (number + (set + 0.5) / float(sets)) / rays;
-    vec4 place = texel_at(lights, light), axis = texel_at(lights, light + ivec2(1, 0));
-    bool parallel = place.w > 0.5;
-    vec3 edge = texel_at(lights, light + ivec2(2, 0)).xyz, from = place.xyz, right = perpendicular(axis.xyz);
+    float set = float(row % sets), number = floor(gl_FragCoord.x), fraction = (number + (set + 0.5) / float(sets)) / rays;
+    vec4 position = texel_at(lights, light), axis = texel_at(lights, light + ivec2(1, 0));
+    bool parallel = position.w > 0.5;
+    vec3 edge = texel_at(lights, light + ivec2(2, 0)).xyz, origin = position.xyz, right = perpendicular(axis.xyz);
 
     // a spiral about the axis with points of equal solid angle (Swinbank and Purser 2006)
-    float down = axis.w * part, r = sqrt(max(down * (2.0 - down), 0.0));
+    float height = axis.w * fraction, r = sqrt(max(height * (2.0 - height), 0.0));  // height of a spherical cap
     float angle = GOLDEN_ANGLE * number + 2.0 * PI * fract(set * PLASTIC);
-    vec3 d = r * (cos(angle) * right + sin(angle) * cross(axis.xyz, right)) + (1.0 - down) * axis.xyz;
+    vec3 d = r * (cos(angle) * right + sin(angle) * cross(axis.xyz, right)) + (1.0 - height) * axis.xyz;
     if (parallel)
     {
-        from += part * axis.xyz + fract(number * GOLDEN + set * PLASTIC) * edge;
+        origin += fraction * axis.xyz + fract(number * GOLDEN + set * PLASTIC) * edge;
         d = normalize(cross(edge, axis.xyz));
     }
-    Hit hit = bvh_between(from, d, near, FARTHEST_HIT);
+    Hit hit = bvh_between(origin, d, near, FARTHEST_HIT);
     vec3 a = triangle_point(hit.triangle, 0), b = triangle_point(hit.triangle, 1), c = triangle_point(hit.triangle, 2);
     vec3 g = normalize(cross(b - a, c - a));
     g = dot(g, d) > 0.0 ? -g : g;
     vec3 end = mat3(a, b, c) * hit.barycentric;  // exactly on the triangle, for any distance of the light
-    float lit = hit.t < FARTHEST_HIT ? -dot(g, d) : 0.0, far = hit.t;
-    for (int i = 0; i < further && lit > 0.0 && (i == 0 || far < FARTHEST_HIT); ++i)
+    float lit = hit.t < FARTHEST_HIT ? -dot(g, d) : 0.0, longest = hit.t;
+    for (int i = 0; i < further && lit > 0.0 && (i == 0 || longest < FARTHEST_HIT); ++i)
     {
         float z = 1.0 - 2.0 * fract(number * PLASTIC + float(i) * GOLDEN), turn = angle + float(i) * GOLDEN_ANGLE;
         vec3 random_direction = vec3(sqrt(1.0 - z * z) * vec2(cos(turn), sin(turn)), z);
         float t = bvh_between(end + 1e-4 * hit.t * g, normalize(g + 0.999 * random_direction), 0.0, FARTHEST_HIT).t;
-        far = i == 0 ? t : max(far, t);
+        longest = i == 0 ? t : max(longest, t);
     }
-    out_place = vec4(end, far);
+    out_place = vec4(end, longest);
     out_normal = vec4(g, float(hit.triangle));
     out_share = vec4(hit.barycentric, parallel ? lit : lit / (hit.t * hit.t));
 }

@@ -13,7 +13,7 @@ const float SAME = 0.02;  // relative difference in depth of neighbours on one s
 const float LINE = 0.35;  // factor on the colour of a line
 
 // Return the position of a pixel's light on the scale: 0 at the lower end, 1 at the upper end.
-float place(ivec2 pixel)
+float scale_position(ivec2 pixel)
 {
     vec4 s = texelFetch(values, pixel, 0);
     float light = dot(texelFetch(direct, pixel, 0).rgb + s.rgb / (s.a > 0.0 ? s.a : 1.0), weights);
@@ -28,13 +28,13 @@ bool crosses(float t, float depth, ivec2 neighbour)
     float d = texelFetch(position, pixel, 0).w;
     // the upper end belongs to the last step
     float last = steps - 1.0;
-    return abs(d - depth) < SAME * depth && min(floor(t * steps), last) != min(floor(place(pixel) * steps), last);
+    return abs(d - depth) < SAME * depth && min(floor(t * steps), last) != min(floor(scale_position(pixel) * steps), last);
 }
 
 vec3 picture(ivec2 pixel, float depth)
 {
     if (depth == 0.0) return ground;
-    float t = place(pixel), at = t * float(FALSE_COLOURS - 1);
+    float t = scale_position(pixel), at = t * float(FALSE_COLOURS - 1);
     int i = min(int(at), FALSE_COLOURS - 2);
     vec3 colour = mix(palette[i], palette[i + 1], at - float(i));
     bool line = steps > 0.0 && (crosses(t, depth, pixel + ivec2(1, 0)) || crosses(t, depth, pixel + ivec2(0, 1)));

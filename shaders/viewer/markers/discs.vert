@@ -38,8 +38,8 @@ const float DIP = 0.05;
 // enough, see plane.frag. Vertices are tested, since a test of all pixels costs a software renderer half as much again.
 float hidden_by(vec4 clip, vec3 point, vec3 facing, float radius)
 {
-    vec2 place = (0.5 + 0.5 * clip.xy / clip.w) * vec2(textureSize(position, 0));
-    vec4 q = texelFetch(position, ivec2(clamp(place, vec2(0.0), vec2(textureSize(position, 0) - 1))), 0);
+    vec2 at = (0.5 + 0.5 * clip.xy / clip.w) * vec2(textureSize(position, 0));
+    vec4 q = texelFetch(position, ivec2(clamp(at, vec2(0.0), vec2(textureSize(position, 0) - 1))), 0);
     if (q.w <= 0.0) return -1.0;
     return max(dot(q.xyz - point, facing), clip.w - q.w - radius) - pixel * q.w - DIP * radius;
 }
@@ -47,8 +47,8 @@ float hidden_by(vec4 clip, vec3 point, vec3 facing, float radius)
 // Return the unit direction on screen, in pixels, of a point's motion by `clip_step` in clip space.
 vec2 heading(vec4 clip, vec4 clip_step)
 {
-    vec2 way = (clip_step.xy * clip.w - clip.xy * clip_step.w) * size;
-    return way / max(length(way), 1e-20);
+    vec2 direction = (clip_step.xy * clip.w - clip.xy * clip_step.w) * size;
+    return direction / max(length(direction), 1e-20);
 }
 
 void main()
@@ -60,12 +60,12 @@ void main()
     int pieces = clamp(int(PIECES * sqrt(e.along / (pixel * distance))), 6, segments);
     float angle = TURN * float(min(gl_VertexID >> 1, pieces)) / float(pieces);  // further vertices repeat the last one
     vec3 u = e.along * e.axis, v = e.across * cross(n, e.axis);
-    vec3 way = cos(angle) * v - sin(angle) * u;
+    vec3 direction = cos(angle) * v - sin(angle) * u;
     vec3 point = p + cos(angle) * u + sin(angle) * v;
     v_color = record_color(texel);
     v_side = gl_VertexID % 2 == 0 ? -width : width;
     vec4 clip = clip_from_world * vec4(point, 1.0);
     gl_ClipDistance[0] = -hidden_by(clip, point, dot(n, eye - p) < 0.0 ? -n : n, e.along);
-    vec2 along = heading(clip, clip_from_world * vec4(way, 0.0));
+    vec2 along = heading(clip, clip_from_world * vec4(direction, 0.0));
     gl_Position = moved(clip, v_side * vec2(-along.y, along.x));
 }

@@ -37,9 +37,9 @@ void main()
     for (int i = 0; i < 4; ++i)
     {
         ivec2 step = ivec2(i & 1, i >> 1);
-        vec2 place = texelFetch(places, clamp(ivec2(floor(at)) + step, ivec2(0), size - 1), 0).rg;
+        vec2 value = texelFetch(places, clamp(ivec2(floor(at)) + step, ivec2(0), size - 1), 0).rg;
         vec2 near = mix(1.0 - share, share, vec2(step));
-        sum += near.x * near.y * place.y * vec2(place.x, 1.0);
+        sum += near.x * near.y * value.y * vec2(value.x, 1.0);
     }
     float t = sum.x / max(sum.y, 1e-6), level = t * steps, change = fwidth(level);
     if (sum.y < 0.5 || hidden(v_position, ivec2(gl_FragCoord.xy * scale))) discard;

@@ -16,7 +16,7 @@ TABLE = """
 tests/gather/test_textures.py::test_a_fence_below_the_sky_holds_back_its_share
     light passes where it is held back: return opacity «< → >» cutoff;
 tests/gather/test_textures.py::test_a_fine_fence_in_a_large_image_does_not_vanish
-    a dithered layer inverted: «<= → >=» dither(place);
+    a dithered layer inverted: «<= → >=» dither(dither_cell);
 tests/gather/test_textures.py::test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters
     emission's texture left out: «material.emission *= texture_mean(…).rgb; → »
 tests/gather/test_textures.py::test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean
