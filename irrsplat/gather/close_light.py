@@ -1,6 +1,6 @@
-"""Irradiance at the close hits of records, by a second gather whose rays start there.
+"""Irradiance at the close hits of records, by a second gather with rays from these hits (docs/METHOD.md, 11.5).
 
-A value of the surface cache is a mean over its site's cluster. Close to a record, light changes within less.
+A value of the surface cache is a mean over its site's cluster. Close to a record, light changes within the extent of a cluster.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _STEP = TWELVE_BITS + 1.0  # factor of the first one of a pair of numbers
 
 
 class CloseLight(Owner):
-    """Passes that compute light at close hits. gather: of LEAST_SIDE² rays from PLACES hits, by the surface cache."""
+    """Passes that compute light at close hits. gather: LEAST_SIDE² rays from PLACES hits, lit by the surface cache."""
 
     def __init__(self, gather: Gather) -> None:
         ctx = gather.world.ctx

@@ -1,6 +1,7 @@
-"""Interface of the gathers: radiance over the hemispheres of records, and the values of records from it.
+"""Interface of the gathers: they sample the radiance over the hemispheres of records, from which the values of records follow.
 
-The paper's plane (plane.py) and rays (trace.py) implement it; `gather_records` is the one loop that computes records by either.
+The paper's plane (plane.py) and rays (trace.py) implement the interface. `gather_records` is the only loop that computes
+records.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ _SCREEN = 0.25  # of the scene's diagonal: default of the image height
 class Gather(Owner):
     """A gather bound to its `world`, whose changes it follows, and to the world's kinds of lights (see light_defines).
 
-    kind: "plane", "trace" or "embree". table: (height, width, 4) of a record's texels, direction in its frame and cosθ·dω.
-    capacity: greatest number of records in one call. places: number of eye positions of a record, used in turn
-    (shaders/gather/places.glsl); an atlas's `frames` then has as many columns for each record. atlas: of no records; a call
-    returns it with those of a batch.
+    kind: "plane", "trace" or "embree". table: (height, width, 4), direction in a record's frame and cosθ·dω of each texel of a
+    record. capacity: greatest number of records in one call. places: number of eye positions of a record, which alternate
+    (shaders/gather/places.glsl); `frames` of an atlas then has as many columns per record. atlas: an atlas without records; a
+    call returns a copy with the records of a batch.
     """
 
     kind: str

@@ -25,11 +25,11 @@ Free = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as LightSamples.free
 
 
 class LightSearch:
-    """The next-event estimation of a gather of `world`, for small bright sources.
+    """Next-event estimation of a gather of `world`, for small bright sources.
 
-    samples: shadow rays of a record to emitters, and at most as many to virtual lights
-    (irrsplat/lighting/virtual_lights.py); 0: none. rays: the number of the record's own rays over π, which are
-    cosine-stratified. embree: True if Embree traces the samples.
+    samples: number of shadow rays per record to emitters, and greatest number to virtual lights
+    (irrsplat/lighting/virtual_lights.py); 0: none. rays: number of cosine-stratified rays per record, divided by π. embree:
+    True if Embree traces the shadow rays.
     """
 
     def __init__(self, world: World, samples: int, rays: float, embree: bool = False) -> None:
@@ -87,7 +87,7 @@ class LightSearch:
 class LightSamplePass(Owner):
     """Pass that adds next-event estimation to the sums of an atlas's blocks.
 
-    gradients: also to the sums of M, ∇E and the Hessian. places: number of eye positions of a record.
+    gradients: True if it also adds to the sums of M, ∇E and the Hessian. places: number of eye positions of a record.
     """
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:

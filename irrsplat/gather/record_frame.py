@@ -1,4 +1,4 @@
-"""Shared parts of all gathers: eye position of a record, its tangent frame, and the layout of cells in an atlas."""
+"""Code that all gathers share: eye position and tangent frame of a record, and the layout of cells in an atlas."""
 
 from __future__ import annotations
 

@@ -32,9 +32,10 @@ _SUMS = (
 
 
 class ReducePass(Owner):
-    """Pass that sums the cells of an atlas, block by block and then record by record.
+    """Pass that sums the cells of an atlas: first each block, then all blocks of a record.
 
-    gradients: M and ∇E as well, which need a single eye position. places: number of eye positions of a record.
+    gradients: True if it also computes M, ∇E and the Hessian, which need a single eye position. places: number of eye positions
+    of a record.
     """
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:

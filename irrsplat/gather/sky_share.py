@@ -1,7 +1,7 @@
-"""Visible share of the sky in each stratum: additional rays refine it where neighbouring strata differ.
+"""Visible share of the sky in each stratum (docs/METHOD.md, 3.4): visibility rays estimate it if neighbouring strata differ.
 
-A ray decides for all of its stratum whether the sky is visible. Few rays of a record go through a window, and their number is
-noise. The sky's radiance follows from the direction alone, so that the additional rays need no light at their hits.
+Otherwise, the ray of a stratum represents the whole stratum. Few rays of a record pass through a window, so that their number
+is noisy. The sky's radiance depends only on the direction, so that visibility rays need no light at their hits.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ Areas = tuple[tuple[int, int, int, int], ...]  # rectangles of an atlas: first t
 
 
 class SkyShares(Owner):
-    """Computation of sky shares for a gather of this `side` into `atlas`.
+    """Computation of the visible shares of the sky for a gather of `side`² rays per record into `atlas`.
 
-    embree: True if Embree traces the rays, not shaders.
+    embree: True if Embree traces the visibility rays, False if shaders do.
     """
 
     def __init__(self, world: World, side: int, atlas: Atlas, embree: bool) -> None:

@@ -1,8 +1,8 @@
-"""The spot check: hemisphere samples at places all over a view, compared with the cached irradiance there.
+"""The spot check (docs/METHOD.md, 7.3): probes at positions all over a view, compared with the cached irradiance.
 
-Variance between records triggers refinement. Records agree, and are wrong, in the dark between them and under small objects where
-no record lies. A probe of few rays measures irradiance at each place itself. At large differences, probes of more and more rays
-decide whether a record is requested, since few rays have a large error.
+Inter-record variance cannot find errors between records that agree: in the dark between them, and under small objects without a
+record. A probe of few rays measures the irradiance at such a position. Few rays have a large error, so that large differences
+lead to probes with more and more rays before a record is requested.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _MOST = 2_000_000  # greatest number of stored places
 
 @dataclass(frozen=True, eq=False)
 class Spots:
-    """Places of a view.
+    """Probed positions of a view.
 
-    sites: (N,), each with a frame rotation. cached: (N,) W/m², cached luminance of E. distance: (N,) metres between probed pixels
-    on screen. at_crease: (N,) True where a surface rises above the place's plane within a few pixels. mean: W/m², of `cached`
-    over the view.
+    sites: (N,), each with a frame rotation. cached: (N,) cached luminance of E, W/m². distance: (N,) metres between probed
+    pixels on screen. at_crease: (N,) True if a surface within a few pixels rises above the plane of the position. mean: mean of
+    `cached` over the view, W/m².
     """
 
     sites: Sites
@@ -78,7 +78,7 @@ class Spots:
 
 
 class SpotPass(Owner):
-    """Pass that selects the places to check in views of `size` (width, height): one pixel of each small square."""
+    """Pass that selects the probed positions in views of `size` (width, height): one pixel per square of pixels."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
@@ -123,10 +123,10 @@ class SpotPass(Owner):
 
 @dataclass(frozen=True, eq=False)
 class SpotCheck:
-    """Progress of the check of a view: an immutable value.
+    """The progress of a spot check: an immutable value.
 
-    whole: the places at the start. spots: the places of the present probes. found: (K,) W/m² luminances at the first K of
-    `spots`. stage: index of the present probes in SIDES.
+    whole: the positions at the start. spots: the positions of the present probes. found: (K,) luminances, W/m², at the first K
+    of `spots`. stage: index of the present probes in SIDES.
     """
 
     whole: Spots
@@ -143,10 +143,11 @@ class SpotCheck:
 
 @dataclass(eq=False)
 class PlacesChecked:
-    """Places of earlier probes, so that no check repeats a probe; a loss of records makes them void.
+    """Positions of earlier probes, so that no check repeats a probe; a loss of records discards them.
 
-    Cells of space store them, two to four times as wide as the distance of pixels: another view's pixels lie between these.
-    cells: (K,) ascending. records: the number of records when the places were noted, including their new records.
+    Positions are stored as cells of space, two to four times as wide as the distance of pixels, because the pixels of another
+    view lie between those of this view. cells: (K,) ascending. records: the number of records when the positions were stored,
+    including the new records of the check.
     """
 
     cells: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))

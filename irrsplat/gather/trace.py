@@ -1,7 +1,7 @@
 """The gather by rays: radiance of many records along cosine-stratified directions.
 
-A fragment is a ray. It traverses a tree of the scene's triangles, or uses the hit that Embree found (scene/ray_caster.py). Its
-radiance and distance go into an atlas like that of the plane gather, which the same reduction sums.
+A fragment is a ray. It traverses a tree of the scene's triangles, or uses the hit that Embree found (scene/ray_caster.py).
+Radiance and distance are stored in an atlas, as in the plane gather. Both gathers share the reduction.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from irrsplat.lighting.light_table import light_defines
 
 
 class FirstHits(Owner):
-    """The triangles that Embree's rays of a batch of records hit first, as a texture for the shader.
+    """Texture with the first triangles that the rays of a batch of records hit, found by Embree.
 
     rays: (R, 3) directions of the texels of a `cell`, in a record's frame. places: number of eye positions of a record.
     """
@@ -52,13 +52,14 @@ class FirstHits(Owner):
 
 
 class TraceGather(Gather):
-    """Tracer of side² rays a record, in the shader through the world's tree, or with `embree` by Embree.
+    """The gather along side² rays per record, traced by the shader through the world's tree, or with `embree` by Embree.
 
-    capacity: greatest number of records in one call (default: a 32 MiB atlas). surface: the light of a call includes a surface
-    cache. hits: the pass only notes the surface cache's values at the hits, and the hit points, for the methods `hits` and
-    `met`. places: number of eye positions of a record, see Gather.places. light_samples: a record's shadow rays to emitters.
-    survey: True for a pass without shadow rays, whose hits count for the nearest site; with the program of other `hits`.
-    Raises InputError for more triangles than the GPU's textures hold, and if embreex is required and missing.
+    capacity: greatest number of records in one call (default: a 32 MiB atlas). surface: True if the light of a call includes a
+    surface cache. hits: True if the pass also outputs hit points and the values of the surface cache at the hits, for the
+    methods `hits` and `met`. places: number of eye positions of a record, see Gather.places. light_samples: shadow rays to
+    emitters per record. survey: True for a pass without shadow rays, whose hits select the site of greatest weight; it uses the
+    program of the gather with `hits`. Raises InputError for more triangles than the GPU's textures hold, and if embreex is
+    required and missing.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
-"""Error estimate of a picture by reference gathers at pixels drawn at random.
+"""Error estimate of a picture by reference gathers at random pixels (docs/METHOD.md, 8.3).
 
 The estimate needs no model of the error: importance sampling draws pixels of large estimated variance more often. Each test
-gathers as many rays as the records around it. A part of the tests is gathered again with four times as many rays: the
-difference separates the tests' own noise, and shows whether records need more rays.
+gathers along as many rays as the records around it. Some tests are gathered again along four times as many rays. The difference
+separates the noise of the tests, and shows if records need more rays.
 """
 
 from __future__ import annotations
@@ -35,10 +35,9 @@ def blur_of(height: int) -> float:
 class Check:
     """N pixels under test.
 
-    shown: (N, 3) E of the picture, W/m². drawn_by: (N,) estimated variance with which each pixel was drawn.
-    uncertainty: (H, W) this variance at all pixels. mean_uncertainty, mean: means of variance and E over the error's pixels.
-    coarse: (N, 3) E of the tests. fine: (K, 3) E of the tests that were gathered again, with four times as many rays. Both are
-    empty at first.
+    shown: (N, 3) E of the picture, W/m². drawn_by: (N,) estimated variance by which each pixel was drawn. uncertainty: (H, W)
+    this variance at all pixels. mean_uncertainty, mean: means of variance and E over the pixels of the error. coarse: (N, 3) E
+    of the tests. fine: (K, 3) E of the repeated tests, with four times as many rays. Both are empty at first.
     """
 
     sites: Sites
@@ -58,11 +57,11 @@ class Check:
 
 @dataclass(frozen=True)
 class ErrorSums:
-    """Sums of the tests' results, in which earlier steps have less weight.
+    """Sums of the results of tests, in which earlier steps have less weight.
 
-    errors, count: squared differences between picture and tests, over the variance that the pixels were drawn by, and their
-    number. Of the tests that are gathered again: excess, by how much these differences fall with four times as many rays; rays,
-    the squared differences of both gathers; count_again, their number.
+    errors, count: squared differences between picture and tests, divided by the variance by which the pixels were drawn, and
+    their number. For repeated tests: excess, the decrease of these differences with four times as many rays; rays, the squared
+    differences of both gathers; count_again, their number.
     """
 
     errors: float = 0.0

@@ -1,7 +1,7 @@
-"""Examination: finds pixels that need a record, by missing coverage or by inter-record variance (Jones 2010, section 2.3).
+"""Examination: finds pixels that request a record, by missing coverage or by inter-record variance (Jones 2010, section 2.3).
 
-The screen is cut into tiles of a hundredth of its height. The GPU finds the pixel of least weight in each tile; these come back
-as one small table, from which site_selection.py chooses the sites of a round.
+The screen is divided into tiles of a hundredth of its height. The GPU finds the pixel of least weight in each tile, and returns
+them as one small table. site_selection.py selects the sites of a round from this table.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ def tile_count(size: tuple[int, int], pixel_stride: int) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Examination:
-    """A round's finding, per tile (h, w).
+    """The result of a round's examination, per tile (h, w).
 
-    requests, seen: counts of pixels that request a record, and that see a surface. position, normal (h, w, 3): of the pixel of
-    least weight, a site for a record. octahedral (h, w, 2): coordinates of its geometric normal. triangle, weight (h, w): its
-    triangle's number, and its Σw.
+    requests, seen: numbers of pixels that request a record, and that show a surface. position, normal (h, w, 3): of the pixel
+    of least weight, a site for a record. octahedral (h, w, 2): coordinates of its geometric normal. triangle, weight (h, w):
+    number of its triangle, and its Σw.
     """
 
     requests: np.ndarray
@@ -77,8 +77,8 @@ class Examination:
 class Screen:
     """A view for the examination: the `size` (width, height) of its picture, with sums at every `pixel_stride`-th pixel.
 
-    sums: an object that differs when the sums do. examine: returns the examination by settings. spots: finds the places for a
-    spot check, where every pixel has sums. gbuffer, splats: of a view that is drawn whole.
+    sums: an object that differs if the sums differ. examine: returns the examination by settings. spots: finds the positions
+    for a spot check, if all pixels have sums. gbuffer, splats: those of a view without tiles.
     """
 
     size: tuple[int, int]

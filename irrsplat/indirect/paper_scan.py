@@ -1,9 +1,10 @@
 """The seed paper's algorithm as published (Jones 2010), one record at a time: the baseline of every comparison.
 
-Kept: random warm-up records, a single plane of 150° per record, a blocking read-back and a sum on the CPU for each, and a kernel
-cut off at 1/a. The traversal of the splat buffer is in scan order, and new records' weights are splatted on the CPU. Corrected,
-since the program differed from its formulas: the plane's coordinates, the distances (true ones, weighted by cosθ·dω), and the
-threshold (Σw against 1/a, not a). So are black records, the background, the splat's bounding quad, and shadow maps drawn once.
+Kept: random warm-up records, a single plane of 150° per record, a blocking read-back and a sum on the CPU for each, and a
+kernel cut off at 1/a. The traversal visits the splat buffer in scan order, and splats the weights of new records on the CPU.
+Corrected, because the program differed from its formulas: coordinates on the plane, distances (true distances, weighted by
+cosθ·dω), and the threshold (Σw compared with 1/a, not with a). Black records, the background, the quad of a splat, and the
+repeated shadow maps are corrected, too.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class Seen:
 
 
 class Scan:
-    """The paper's traversal of a view. seen: its g-buffer. warmed: the number of warm-up records made so far."""
+    """The paper's traversal of a view. seen: its g-buffer. warmed: number of complete warm-up records."""
 
     def __init__(self, seen: Seen, warmed: int) -> None:
         self.seen, self.warmed = seen, warmed

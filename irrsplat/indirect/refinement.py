@@ -46,8 +46,8 @@ _AIM = 3.0  # target of a step: the present error divided by this, unless the re
 class Refiner(Owner):
     """Refinement of one view of `size` (width, height) at a time, from `begin` until `leave` removes the added records.
 
-    splats: the sums of the picture on show; None while no view is refined. error: its estimated relative RMSE; None until the
-    first estimate. ended: True if nothing more is or can be refined. broken: True after an exception.
+    splats: the sums of the displayed picture; None while no view is refined. error: its estimated relative RMSE; None until the
+    first estimate. ended: True if the refinement is complete or cannot continue. broken: True after an exception.
     """
 
     def __init__(self, world: World, size: tuple[int, int], gradients: bool, scheduler: RecordScheduler, timers: Timers) -> None:

@@ -1,4 +1,4 @@
-"""Selection of the tiles that get a record in this round: coarse to fine, on a chessboard."""
+"""Selection of the tiles that get a record in a round: coarse to fine, on a chessboard."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _FEW = 64  # tiles that request a record: so few get one each at once, without g
 
 
 class Chessboard(NamedTuple):
-    """Squares of the screen that get a record each in a round.
+    """Squares of the screen that get one record each in a round.
 
-    width: of a square, in tiles. colour: of the squares that are used, 0 or 1; -1 for both, in the last rounds, where each site
-    has records around it.
+    width: of a square, in tiles. colour: of the squares in use, 0 or 1; -1 for both, in the last rounds, when each site has
+    records around it.
     """
 
     width: int

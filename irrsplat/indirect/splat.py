@@ -36,7 +36,7 @@ def splat_target(ctx: moderngl.Context, size: tuple[int, int]) -> Target:
 class SplatPass(Owner):
     """Pass that adds records to a splat buffer of `size` (width, height), with or without their gradients.
 
-    A second, smaller buffer holds every other pixel in both directions, for pixel_stride = 2.
+    A second, smaller buffer has every other pixel in both directions, for pixel_stride = 2.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:

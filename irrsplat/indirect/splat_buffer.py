@@ -1,4 +1,4 @@
-"""The splat buffer of the present view: the sums over all records of the cache; only those not in it yet are drawn."""
+"""The splat buffer of the present view: sums over all records of the cache. Only records that it lacks are drawn."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def unlit_sides(world: World, dark: bool) -> Uniforms:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """The buffer's content: the sums of the first `count` records, drawn for these inputs."""
+    """The content of the splat buffer: the sums of the first `count` records, drawn for these inputs."""
 
     inputs: tuple[object, ...]
     count: int
@@ -69,8 +69,8 @@ class _Drawn:
 class ViewSplats(Owner):
     """The splat buffer of views of `size` (width, height).
 
-    The sums are additive: while g-buffer, settings and the old records stay as they are, only new records are drawn. Equal inputs
-    give the same SplatBuffer object, so that later stages can compare it by identity.
+    The sums are additive: if g-buffer, settings and old records do not change, only new records are drawn. Equal inputs give
+    the same SplatBuffer object, so that later stages can compare it by identity.
     """
 
     def __init__(self, world: World, size: tuple[int, int], gradients: bool, timers: Timers) -> None:

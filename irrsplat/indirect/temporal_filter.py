@@ -1,4 +1,4 @@
-"""Temporal accumulation with reprojection: changes of the records blend in over several pictures and do not jump."""
+"""Temporal accumulation with reprojection: changes of the records appear over several pictures, and not at once."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ PICTURES = 8  # after the last change, over which all of it follows
 class _Shown:
     """The last picture.
 
-    target: its irradiance and the facing of its surfaces. subject: all its inputs. scene: objects that differ after a change of
-    the scene. left: the number of pictures until accumulation has converged. dimming: factors of all light since, one for each
-    channel."""
+    target: its irradiance, and facing_of its normals. subject: all its inputs. scene: objects that differ after a change of the
+    scene. left: number of pictures until accumulation has converged. dimming: factors per channel by which all light has
+    changed since.
+    """
 
     target: Target
     camera: Camera
@@ -36,8 +37,8 @@ class _Shown:
 
 
 class TemporalFilter(Owner):
-    """Filter that blends the irradiance of a picture of `size` (width, height) with the last picture's at each place of the
-    world."""
+    """Filter that blends the irradiance of a picture of `size` (width, height) with that of the last picture at equal
+    positions."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size

@@ -15,8 +15,8 @@ from irrsplat.scene.model import Camera
 class UpsamplePass(Owner):
     """Upsampling of sums from every other pixel of a view of `size` (width, height) to all pixels.
 
-    Most pixels lie between four coarse pixels of one surface, and take the linear interpolation of these. The others are marked
-    in the depth buffer, so that a second draw reaches them alone; they search sixteen coarse pixels for those on their surface.
+    Most pixels lie between four coarse pixels of one surface, and take their linear interpolation. The depth buffer marks all
+    other pixels for a second draw, which searches sixteen coarse pixels for those on the pixel's surface.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:

@@ -1,4 +1,4 @@
-"""One view's progress: an immutable value that restarts with another camera, size, scene or criterion."""
+"""The progress of one view: an immutable value that restarts with another camera, size, scene or criterion."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view requ
 
 
 class Phase(Enum):
-    """The work that a view does next.
+    """The next work of a view.
 
-    START: its old records are to be compared with each other. FILL: rounds of new records, coarse to fine; where none is
-    requested, the spot check, and the radii of old records. SETTLED: no pixel requests a record.
+    START: old records are compared with each other. FILL: rounds of new records, coarse to fine; without requests, the spot
+    check, and the radii of old records. SETTLED: no pixel requests a record.
     """
 
     START = 0
@@ -28,8 +28,8 @@ class Phase(Enum):
 class Need(NamedTuple):
     """The result of an examination.
 
-    missing: under-covered share of the seen pixels, 0..1. holes: tiles with a pixel that no record covers. requests: tiles that
-    request a record. of: the examined sums and the criteria.
+    missing: under-covered share of the surface pixels, 0..1. holes: number of tiles with a pixel that no record covers.
+    requests: number of tiles that request a record. of: the examined sums and the criteria.
     """
 
     missing: float = 1.0
@@ -39,7 +39,8 @@ class Need(NamedTuple):
 
 
 class Queue(NamedTuple):
-    """Sites that wait for a gather. near: True if they are as dense as sites may be: their records cover only near surfaces."""
+    """Sites that wait for a gather. near: True if they have the greatest density, so that their records cover only near
+    surfaces."""
 
     sites: Sites
     near: bool
@@ -51,13 +52,14 @@ class Queue(NamedTuple):
 
 @dataclass(frozen=True)
 class ViewState:
-    """One view's progress.
+    """The progress of one view.
 
     subject: all inputs of its requests, the camera first; empty for no view. pixel_stride: 2 while only every other pixel is
-    splatted, in both directions. rounds: complete ones. stalled_rounds: in a row, without gain in coverage. step: of the site
-    selection, coarse to fine. need, before: at the beginning of the present round, and of the last complete one. queue: the
-    waiting sites of the present round; None between rounds. check: the unfinished spot check; checked: True after it. full: True
-    if the view needs more records than there may be. scan: the traversal of the paper's algorithm.
+    splatted, in both directions. rounds: number of complete rounds. stalled_rounds: number of successive rounds without gain in
+    coverage. step: of the site selection, coarse to fine. need, before: at the beginning of the present round, and of the last
+    complete round. queue: the waiting sites of the present round; None between rounds. check: the unfinished spot check;
+    checked: True after the check. full: True if the view needs more records than the limit. scan: the traversal of the paper's
+    algorithm.
     """
 
     subject: tuple[object, ...] = ()

@@ -1,8 +1,8 @@
-"""The surface cache: irradiance at sites spread over all surfaces, seen or not, which light the hits of records' rays.
+"""The surface cache (docs/METHOD.md, 11): irradiance at sites on all surfaces. The hits of records' rays reflect its light.
 
-It holds E_(N−1) if records are to hold E_N, and is made once for all views. It is a sequence of levels (site_level.py), each a
-complete solution. Ticks make a coarse one first, in a fraction of the time, and use its values until the full one is complete.
-Progressive refinement makes finer ones.
+It stores E_(N−1) for records of E_N, and all views share it. It is a sequence of levels (site_level.py), each a complete
+solution. Ticks begin with a coarse level, which takes a fraction of the time, and use its values until the full level is
+complete. Progressive refinement adds finer levels.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _LIGHT = "seed", "bounces", "light_samples", "shadow_size"  # settings on which 
 
 
 class SurfaceCache(Owner):
-    """The surface cache of a world's scene. detail: the density of sites and rays of its own level.
+    """The surface cache of a world's scene. detail: the density of sites and rays of its full level.
 
-    In ticks, the values of a coarse level replace its own until these are complete. Finer levels replace its own.
+    In ticks, a coarse level provides the values until the full level is complete. Finer levels replace the full level.
     """
 
     def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:

@@ -1,6 +1,6 @@
-"""Clusters of points on surfaces: close points with similar normals share one of them, their site.
+"""Clusters of points on surfaces: close points with similar normals share a site, which is one of these points.
 
-Every point of a tessellation has two members, one on either side of its surface.
+Each point of a tessellation has two members, one on each side of its surface.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ Choice = tuple[np.ndarray, np.ndarray]  # the sites among members, as their numb
 class Members:
     """M points, each on one side of its surface.
 
-    position: (M, 3) on it; eye: (M, 3) above it by the offset of a record's eye. normal and geometric: (M, 3) unit, on this side.
+    position: (M, 3) on the surface. eye: (M, 3) above the position by the offset of a record's eye. normal, geometric: (M, 3)
+    unit normals on the member's side.
     """
 
     position: np.ndarray
@@ -126,11 +127,11 @@ def choose_sites(keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_a
 
 @dataclass(frozen=True)
 class Clusters:
-    """The tessellation, M members on its sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
+    """The tessellation, M members on its two sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
 
-    area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
-    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values, -1
-    until SiteChooser fills those that need a gather. level: (M,) how many times their clusters' size is halved.
+    area: (M,) area that each member represents, m². face: (M,) number of its triangle. member: (2, P) number of the member for
+    each side of each point of the tessellation. value: (M,) numbers of the members' values; -1 until SiteChooser fills the
+    values that need a gather. level: (M,) number of times that the size of the cluster is halved.
     """
 
     tessellation: Tessellation

@@ -21,9 +21,9 @@ _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cove
 
 
 class Follower:
-    """Follows the light at `sites`, between which the transport is known, from `begin` on.
+    """Values at `sites` that follow moving light, from `begin` on. The transport between the sites is known.
 
-    E_1: (S, 3) W/m², as gathered with the present lights.
+    E_1: (S, 3) irradiance gathered with the present lights, W/m².
     """
 
     def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray) -> None:

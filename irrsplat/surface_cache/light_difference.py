@@ -1,4 +1,5 @@
-"""The difference that a change of few lights among many makes: light is linear, so that these lights alone are gathered."""
+"""The difference that a change of few lights among many makes. Light is linear, so that only the changed lights are
+gathered."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ _FEW = 8  # the rays are traced once for added and once for removed lights: it p
 
 
 class LightPart(Owner):
-    """The light of some `lights` of a world alone. sign: 1 if a change adds them, -1 if it removes them."""
+    """The light of some `lights` of a world. sign: 1 if a change adds the lights, -1 if it removes them."""
 
     def __init__(self, world: World, settings: Settings, lights: tuple[Light, ...], sign: float) -> None:
         self.world, self.settings, self.sign = self.own(PartlyLitWorld(world, lights)), settings, sign
@@ -66,7 +67,7 @@ class LightPart(Owner):
 
 
 class LightDifference(Owner):
-    """The difference between two states of a `world` with other lights. changed: from `changed_lights`."""
+    """The difference between two states of a `world` with different lights. changed: from `changed_lights`."""
 
     def __init__(self, world: World, settings: Settings, changed: tuple[list[Light], list[Light]]) -> None:
         signed = zip(changed, (1.0, -1.0), strict=True)

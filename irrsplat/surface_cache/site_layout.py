@@ -1,7 +1,7 @@
 """Layout of the sites of a surface cache: a few thousand points that represent all surfaces, and the cells for their lookup.
 
-The surfaces are cut into cells. The members are the corners of cells on both sides of every surface. Members that lie close
-together and face alike form a cluster. One member of the cluster is the site of all members that see it.
+The surfaces are cut into cells. Members are the corners of cells on both sides of each surface. Close members with similar
+normals form a cluster. One member of the cluster is the site of all members that are visible from it.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ _ROOMS = 3.0  # of the size of these surroundings: distance up to which area cou
 class Detail:
     """The density of a surface cache: its share of the sites, and of the rays of each site.
 
-    level: -1 for a coarse one, 0 for that of the settings, and more for finer ones, each with twice the sites of the one before.
+    level: -1 for a coarse level, 0 for the level of the settings, more for finer levels, each with twice the sites of the
+    previous one.
     """
 
     points: float
@@ -85,13 +86,14 @@ def detail_for(settings: Settings) -> Detail:
 
 @dataclass(frozen=True)
 class SiteLayout:
-    """The sites of a surface cache, S values in all, and the cells that find them.
+    """The sites of a surface cache, with S values, and the cells of the lookup.
 
-    sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
-    the surface that each stands for. level: (S,) of its cluster, see Clusters. triangles: see Tessellation.table. cells:
-    (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of their corners' values, -1 for none, and
-    0. Where an object occludes part of a cell, so that not all corners see each other, the last is the number of one of the H
-    further rows. Such a row has the lines beyond which corners are hidden, see _borders.
+    sites: (S,) positions of the gathers; the values SKY_VALUE and DARK_VALUE need no gather, and their positions have no
+    meaning. area: (S,) area of the surface that each site represents, m². level: (S,) of its cluster, see Clusters. triangles:
+    see Tessellation.table. cells: (C + H, 2, 4) float32. For each side of the C cells of the tessellation: numbers of the
+    values at the corners (-1: none), and 0 if all corners see each other. Otherwise an object occludes part of the cell, and
+    the last number is that of one of the H further rows. These rows have the lines beyond which corners are hidden, see
+    _borders.
     """
 
     sites: Sites
@@ -103,9 +105,9 @@ class SiteLayout:
 
 @dataclass(frozen=True)
 class SiteChooser:
-    """Chooses the sites of a scene, step by step.
+    """Choice of the sites of a scene, step by step.
 
-    reach: the visible share of segments, see RayCaster.reach. detail: of the surface cache.
+    reach: the visible share of segments, see RayCaster.reach. detail: the density of the surface cache.
     """
 
     scene: Scene

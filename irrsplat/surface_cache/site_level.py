@@ -1,7 +1,7 @@
-"""One level of a surface cache: its sites, the light between them, and the values that lookups find.
+"""A level of a surface cache: its sites, the transport of light between them, and the values for lookups.
 
-Sites are chosen, rays from every site find its first light and the other sites that they hit, and from then on all bounces are
-sums. While lights or meshes move, a Follower updates the values in use.
+After the choice of sites, rays from each site find its one-bounce light and the sites that light their hits. All bounces then
+follow by sums. While lights or meshes move, a Follower updates the values in use.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class _Steps:
 class SiteLevel(Owner):
     """A level of the surface cache of a world's scene.
 
-    detail: the density of its sites and rays. shown: the sites whose light lookups find; None before the first values. complete:
-    True if these are complete for the scene and settings. sites: those of the scene as it is; None while they are still to
-    be chosen. follower: of the values in use, while the next ones are still to be made; None if it is unknown how light goes
-    between the sites.
+    detail: the density of its sites and rays. shown: the sites with the values of lookups; None before the first values.
+    complete: True if these values are complete for the scene and the settings. sites: the sites of the present scene; None
+    until they are chosen. follower: updates the values in use until the next values are complete; None if the transport between
+    the sites is unknown.
     """
 
     def __init__(self, world: World, settings: Settings, detail: Detail) -> None:

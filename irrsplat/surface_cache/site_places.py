@@ -1,10 +1,11 @@
-"""Places of sites: the origins of a site's rays, drawn where rays of other sites hit the site's cluster.
+"""Places of sites: the ray origins of a site, drawn from the hits of other sites' rays on its cluster.
 
-A site represents its whole cluster: the bright and the dark side of a moulding, a table with objects on it. If rays started at
-the site alone, a dark site in a bright cluster would lose light at each bounce. So the rays of a site start from PLACES places.
-These are hits of other sites' rays, drawn in proportion to the light that each hit passes on. The site's value is then the mean
-over the visible part of its cluster: a Galerkin projection (Zatz 1993, "Galerkin Radiosity") by the measure of the hits, which
-conserves the light that is passed on. A coarse level draws its places among the members of the clusters, by their area.
+A site represents its whole cluster, such as the bright and the dark side of a moulding, or a table with objects on it. With the
+site as the only ray origin, a dark site in a bright cluster would lose light at each bounce. The rays of a site therefore start
+from PLACES places. These are hits of other sites' rays, drawn in proportion to the light that each hit transports. The value of
+the site is then the mean over the visible part of its cluster: a Galerkin projection (Zatz 1993, "Galerkin Radiosity") by the
+measure of the hits, which conserves the transported light. A coarse level draws its places from the members of the clusters, by
+their area.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The sites of a surface cache on the GPU: their records, and the tables by which shaders look up their values."""
+"""The sites of a surface cache on the GPU: their records, and the tables for lookups in shaders."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from irrsplat.surface_cache.transport import BouncedLight, Transport
 
 
 class SurfaceSites(Owner):
-    """Sites on the GPU: a record for each of S values, in the order of the values, and the textures of their lookup.
+    """Sites on the GPU: a record for each of S values, in the order of the values, and the textures for lookups.
 
-    area: (S,) m² of the surface that each stands for. level: (S,) see SiteLayout. places: (S·PLACES,) the origins of their rays,
-    site by site, with their triangles. transport: between the sites. light: at the sites. None: not known yet.
+    area: (S,) area of the surface that each site represents, m². level: (S,) see SiteLayout. places: (S·PLACES,) ray origins,
+    site by site, with their triangles. transport: light between the sites. light: light at the sites. Each is None while it is
+    unknown.
     """
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:

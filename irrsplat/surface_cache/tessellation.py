@@ -1,8 +1,8 @@
-"""A scene's surfaces cut into small triangular cells, so that values at their corners are found at any point.
+"""Tessellation of a scene's surfaces into small triangular cells, for interpolation between values at their corners.
 
-A triangle's edges are cut into n equal steps, and the triangle into n² cells like it. So a large wall has many cells, and a small
-triangle is one. Light is steep close to lights: a triangle there is cut into parts first, and each part into its own cells. A
-sliver is cut into strips across its long edges: its n² cells would be far longer than wide.
+The edges of a triangle are cut into n equal steps, and the triangle into n² cells of its shape. A large wall therefore has many
+cells, and a small triangle has one. Light is steep close to lights: a triangle near a light is first cut into parts, and each
+part into cells. A sliver is cut into strips across its long edges, because its n² cells would be far longer than wide.
 """
 
 from __future__ import annotations
@@ -26,15 +26,14 @@ _FINEST = 4  # greatest number of times that steps close to lights are halved
 class Tessellation:
     """The cells of F triangles.
 
-    table: (T, 2) float32 for the shader: a triangle's number of steps n along an edge, and the number of its first cell. A
+    table: (T, 2) float32 for the shader: the number n of steps along an edge of a triangle, and the number of its first cell. A
     triangle of parts has -n, or -n - (k + 1)/4 if n strips cross the edges at its corner k, and the row of its first part. The
-    rows of all parts follow those of the F triangles.
-    corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights in
-    shaders/surface_cache/lookup.glsl. Cells of a triangle share points; a very small triangle has one for all three corners.
-    position: (P, 3) of the points, moved by up to `inset` metres into their triangle, so that a point on the edge of a wall sees
-    the wall. normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the front by the
-    winding. face: (P,) the triangles' numbers. area: (P,) m², a third of the cells at each point. level: (P,) how many times the
-    steps around each are halved.
+    rows of all parts follow those of the F triangles. corners: (C, 3) numbers of the points at a cell's corners, in the order
+    of the weights in shaders/surface_cache/lookup.glsl. Cells of a triangle share points; a very small triangle has one point
+    for all three corners. position: (P, 3) of the points, moved by up to `inset` metres into their triangle, so that the wall
+    is visible from a point on its edge. normal, geometric: (P, 3) unit shading normals and unit normals of the triangles, on
+    the front by the winding. face: (P,) numbers of the triangles. area: (P,) a third of the cells at each point, m². level:
+    (P,) number of times that the steps around each point are halved.
     """
 
     table: np.ndarray

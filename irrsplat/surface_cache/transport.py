@@ -1,4 +1,4 @@
-"""Light between surfaces: the sites that see each other, and the light of N bounces by sums."""
+"""Transport of light between surfaces: the sites that light each other, and the light of N bounces by sums."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ _DECAYS = 0.999  # greatest ratio of successive bounces with an estimate of the 
 class RayHits:
     """The hits of R rays from each of N places, see TraceGather.hits.
 
-    share: (N, R) cosθ·dω of each ray, 0 below the surface. site: (N, R) the one that lights the hit. albedo: (N, R, 3) there.
+    share: (N, R) cosθ·dω of each ray, 0 below the surface. site: (N, R) number of the site that lights the hit. albedo: (N, R,
+    3) reflectance at the hit.
     """
 
     share: np.ndarray
@@ -26,10 +27,10 @@ class RayHits:
 
 
 class Transport:
-    """The operator F of S sites: E_(k+1) = E_1 + F·E_k, for each of red, green and blue.
+    """The operator F between S sites: E_(k+1) = E_1 + F·E_k, for each of red, green and blue.
 
-    F has a row for each site that gathers, with an entry for each of its `rays`: a site that lights the hit, times the
-    reflectance. So it depends on geometry and materials alone. known: (S,) the rows that are filled.
+    F has a row for each site with a gather, and in the row an entry for each of its `rays`: the site that lights the hit, times
+    the reflectance. F depends only on geometry and materials. known: (S,) True for complete rows.
     """
 
     def __init__(self, sites: int, rays: int) -> None:
@@ -61,9 +62,9 @@ class Transport:
 
 @dataclass(frozen=True, eq=False)
 class BouncedLight:
-    """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
+    """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather adds.
 
-    converged: E includes an estimate of the light of all further bounces, and the error of the estimate is less than CONVERGED.
+    converged: True if E includes an estimate of the light of all further bounces, with an error below CONVERGED.
     """
 
     irradiance: np.ndarray

@@ -1,4 +1,4 @@
-"""Irradiance of the surface cache at every pixel of a view, and at other points."""
+"""Irradiance of the surface cache at each pixel of a view, and at other points."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from irrsplat.gpu.texel_table import table_rows
 
 
 class SurfaceViewPass(Owner):
-    """Pass that finds the surface cache's values at pixels."""
+    """Pass that interpolates the surface cache at pixels."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx

@@ -1,4 +1,4 @@
-"""The visibility test: the free share of many segments at once, by rays through the tree in a shader."""
+"""Visibility test: the visible shares of many segments at once, by rays through the tree in a shader."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from irrsplat.gpu.texel_table import table_rows
 
 
 class VisibilityPass(Owner):
-    """Tests up to `capacity` segments at once. materials: World.material_defines (default: no holes)."""
+    """Pass that tests up to `capacity` segments at once. materials: World.material_defines (default: no holes)."""
 
     capacity = TABLE_COLUMNS * 16
 

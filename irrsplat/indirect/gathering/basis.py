@@ -1,4 +1,4 @@
-"""The inputs by which a cache's records are gathered: scene, settings, and pending changes."""
+"""The inputs of a cache's records: scene, settings, and pending changes."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class BounceStatistics(TypedDict):
 
 @dataclass(frozen=True)
 class Basis:
-    """Scene and settings by which the records of the cache are gathered, and changes that records do not follow yet.
+    """Scene and settings of the cache's records, and changes that the records do not follow yet.
 
-    kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed and the affected records are not
-    found yet. relit: True if lights or materials have changed since the surface cache was made.
-    from_file: the statistics of records from a file, as long as their surface cache is not made.
+    kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed, and the affected records are not
+    selected yet. relit: True if lights or materials have changed since the surface cache was made. from_file: the statistics of
+    records from a file, until their surface cache is made.
     """
 
     scene: Scene

@@ -1,6 +1,6 @@
-"""Effect of a change on records: a probe with few rays, compared with the probe before along equal directions.
+"""Effect of a change on records: a probe with few rays, compared with an earlier probe along equal directions.
 
-The difference corrects a record until it is gathered again, and selects the records to gather again.
+The difference corrects a record until the next gather, and selects the records to gather again.
 """
 
 from __future__ import annotations

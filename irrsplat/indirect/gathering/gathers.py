@@ -1,4 +1,4 @@
-"""The passes that gather records: gathers along many and few rays, probes, and the reduction; built at first use."""
+"""The passes that gather records: gathers along many and few rays, probes, and the reduction, each made at its first use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from irrsplat.settings import SETTINGS, Settings
 
 
 class Gathers(Owner):
-    """Lazily built gather passes of a scene; a pass is rebuilt when its inputs change."""
+    """The gather passes of a scene, made at their first use, and again if their inputs change."""
 
     def __init__(self, world: World) -> None:
         self.ctx, self.world = world.ctx, world

@@ -17,7 +17,7 @@ from irrsplat.surface_cache.light_difference import LightDifference
 
 
 class RecordDifference(Owner):
-    """The difference `light` for the present records of a `cache`, gathered as in `basis`.
+    """The difference that `light` makes to the present records of a `cache`, gathered as in `basis`.
 
     held: the columns of the records before the change.
     """

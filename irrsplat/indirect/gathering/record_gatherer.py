@@ -1,4 +1,4 @@
-"""Gathering of records by the settings: the gather, the reduction, the surface cache that lights the hits, and the probes."""
+"""Gathering of records by the settings: the gather, the reduction, the surface cache for the light at hits, and the probes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache whil
 class RecordGatherer(Owner):
     """Gatherer of new and stale records of the `cache`, by the present light of the scene.
 
-    measuring: True for a full surface cache, however coarse the gathers are: readings of single points show its bias.
+    measuring: True for a full surface cache with gathers of any size, because single readings would show the bias of a coarse
+    one.
     """
 
     def __init__(
