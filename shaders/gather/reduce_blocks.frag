@@ -75,7 +75,7 @@ void main()
 #if GRADIENTS
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
-    float steps = 0.0;
+    float squares = 0.0;
 #endif
     for (int y = inside.y; y < inside.y + block.y; ++y)
     {
@@ -119,7 +119,7 @@ void main()
                 nearer = above * clamp(nearer, 0.0, max(L.a, L_b.a));
                 G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);
                 float difference = direction.w * dot(L_b.rgb - L.rgb, LUMINANCE);
-                steps += difference * difference;
+                squares += difference * difference;
                 // the edge form of the Hessian, 4/r²·ΔY·sym(e ⊗ ω): the symmetric part of the gradient's derivative (METHOD.md, 4.4)
                 H += 4.0 * nearer * nearer * dot(L_b.rgb - L.rgb, LUMINANCE)
                      * vec3(edge.x * w.x, 0.5 * (edge.x * w.y + edge.y * w.x), edge.y * w.y);
@@ -133,6 +133,6 @@ void main()
     out_m_b = vec4(M[2], H.z);
     out_g_r = vec4(G[0], 0.0);
     out_g_g = vec4(G[1], 0.0);
-    out_g_b = vec4(G[2], steps);
+    out_g_b = vec4(G[2], squares);
 #endif
 }

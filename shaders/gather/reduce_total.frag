@@ -27,7 +27,7 @@ uniform sampler2D close_light;  // one texel per record: mean luminance of E at 
                                 // values of the surface cache (-1: too few close hits)
 #endif
 
-const float STEPS = 2.2;     // measured ratio of √(Σ squared differences between neighbouring rays) to the standard error of E
+const float NOISE_DIVISOR = 2.2;  // measured ratio of √(Σ squared differences between neighbouring rays) to the standard error of E
 const float FEEDBACK = 0.9;  // greatest share of a record's light that returns from close hits: the geometric series must converge
 const float ENCLOSED = 0.2;  // least share of directions that hit inner sides: the rest may hit objects in the closed mesh
 
@@ -55,7 +55,7 @@ void main()
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0), axis = vec3(0.0);
     vec2 curvature = vec2(0.0);
-    float max_radius = 0.0, steps = 0.0, noise = 0.0;
+    float max_radius = 0.0, squares = 0.0, noise = 0.0;
     for (int y = 0; y < blocks.y; ++y)
         for (int x = 0; x < blocks.x; ++x)
         {
@@ -68,7 +68,7 @@ void main()
             H += vec3(r.w, g.w, b.w);
             vec4 g_b = texel_at(sums_g_b, at);
             G += mat3(texel_at(sums_g_r, at).xyz, texel_at(sums_g_g, at).xyz, g_b.xyz);
-            steps += g_b.w;
+            squares += g_b.w;
 #endif
         }
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
@@ -87,7 +87,7 @@ void main()
         M *= ratio;
         G *= ratio;
         H *= ratio;
-        steps *= ratio * ratio;
+        squares *= ratio * ratio;
     }
 #endif
 #if GRADIENTS
@@ -106,7 +106,7 @@ void main()
     bool dark = total.r + total.g + total.b == 0.0 || R <= radii.x, enclosed = dark && shares.y > ENCLOSED * shares.x;
     // next-event estimation adds light, but hardly any error; a record without light has an unknown error, here 100 %
     float Y = dot(total.rgb, LUMINANCE);
-    noise = Y > 0.0 ? min(sqrt(steps) / (STEPS * Y), 1.0) : 1.0;
+    noise = Y > 0.0 ? min(sqrt(squares) / (NOISE_DIVISOR * Y), 1.0) : 1.0;
     max_radius = enclosed ? 0.0 : min(radii.y, WIDE * R);
 #else
     noise = places > 1 ? shares.z : 0.0;  // unknown without differences; gathers at close hits return their part by close values

@@ -53,7 +53,7 @@ vec3 irradiance_at_hit(int i, Receiver receiver, vec3 eye, vec3 to_hit, vec3 ray
     float spread;
     vec3 E = light_irradiance(i, receiver, spread);
 #if VIRTUAL_LIGHTS
-    E *= light_share(i, receiver.p, spread, to_hit, receiver.g, ray_density(ray));
+    E *= light_weight(i, receiver.p, spread, to_hit, receiver.g, ray_density(ray));
 #endif
     // Software renderers read the shadow map for all hits. Unlit hits read it at the eye, because its texel is in the processor's cache.
     bool lit = E.r + E.g + E.b > 0.0;
@@ -91,7 +91,7 @@ void main()
     float solid_angle = PI / (float(cell.x) * float(cell.y) * ray.z);
     Material material = material_mean(point, texture_area(solid_angle * hit.t * hit.t / max(-dot(g, d), 0.05), A, B, C));
 #if EMITTERS
-    material.emission *= ray_share(hit.triangle, eye, d, hit.t, g, ray_density(ray));
+    material.emission *= emission_weight(hit.triangle, eye, d, hit.t, g, ray_density(ray));
 #endif
     vec3 E = vec3(0.0);
     // three unrolled steps, as in direct_irradiance

@@ -4,11 +4,11 @@
 #include "indirect/splat_outputs.glsl"
 #include "lib/normals.glsl"
 
-in int in_number;                      // number of the record
+in int in_number;          // number of the record
 
 uniform mat4 clip_from_world;
-uniform vec3 forward;                  // unit, the view axis
-uniform float pixel;                   // size of a pixel at distance 1, metres
+uniform vec3 forward;      // unit, the view axis
+uniform float pixel;       // size of a pixel at distance 1, metres
 
 const float OWN_PIXEL = 0.75;  // pixels: radius of an enclosed record, which covers only its own pixel
 

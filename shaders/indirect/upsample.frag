@@ -17,7 +17,7 @@ void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy), square = at / 2;
     vec4 p = texel_at(position, at), plane = texel_at(planes, square);
-    bool hole = plane == vec4(0.0, 0.0, 0.0, 1.0);  // a hole: no record covers the four pixels
+    bool hole = plane == vec4(0.0, 0.0, 0.0, 1.0);  // no record covers the four pixels
     bool between = plane.xyz != vec3(0.0) && abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;
     vec2 uv = (0.5 * vec2(at) + 0.5) / vec2(textureSize(irradiance, 0));
     vec4 E = between ? textureLod(irradiance, uv, 0.0) : vec4(0.0);

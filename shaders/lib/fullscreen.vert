@@ -1,4 +1,4 @@
-// Vertex shader of full-screen passes: one triangle that covers the target, with the corners (-1,-1), (3,-1), (-1,3) in clip space.
+// Full-screen passes: one triangle that covers the target, with corners (-1,-1), (3,-1), (-1,3) in clip space.
 #ifndef DEPTH
 #define DEPTH 0.0  // clip space, -1..1
 #endif

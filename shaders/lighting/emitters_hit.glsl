@@ -5,7 +5,7 @@ uniform sampler2D emitter_numbers;  // per triangle: density per sample in its c
 
 // Return the weight of the balance heuristic (Veach and Guibas 1995) for a ray in the direction d that hits a triangle with normal g at
 // distance t. rays: rays per steradian.
-float ray_share(int triangle, vec3 eye, vec3 d, float t, vec3 g, float rays)
+float emission_weight(int triangle, vec3 eye, vec3 d, float t, vec3 g, float rays)
 {
     vec2 emitter = texel_at(emitter_numbers, table_texel(triangle)).rg;
     // a loop in place of an `if`, because software renderers run an `if` for all rays

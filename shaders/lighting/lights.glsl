@@ -63,8 +63,8 @@ float luminaire_intensity(int i, vec3 w)
 struct Receiver
 {
     vec3 p;  // position, world space, metres
-    vec3 n;  // unit shading normal, turned to the viewer
-    vec3 g;  // unit geometric normal, turned to the viewer
+    vec3 n;  // unit shading normal, on the viewer's side
+    vec3 g;  // unit geometric normal, on this side
     float rise;  // bias in texels: FLAT, or CURVED if neighbouring facets may rise above the plane. Records use FLAT, because they sum the
                  // leaks of CURVED.
 };
@@ -185,13 +185,13 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     // On the plane m·q = k, -1/z is -m·(x, y, 1)/k at (x, y) = 2·texel/side - 1; in a parallel tile z is affine in x and y.
     vec3 m = parallel ? vec3(-t.m.xy / (abs(t.m.z) > 1e-6 ? t.m.z : 1e-6), 0.0) : t.m * (-1.0 / t.k);
     t.plane = vec3(m.xy * (2.0 / side), m.z - m.x - m.y);
-    float steps = abs(t.plane.x) + abs(t.plane.y), bias = parallel ? width / t.range : width / t.q.z;
+    float slope = abs(t.plane.x) + abs(t.plane.y), bias = parallel ? width / t.range : width / t.q.z;
     t.depth = parallel ? t.q.z : -1.0 / t.q.z;
     t.least = parallel ? t.depth - 99.0 * bias : 2.0 * t.depth;
     if (parallel) t.plane.z = t.depth - dot(t.plane.xy, t.texel);
     float rounding = parallel ? ROUNDING : ROUNDING * shadow_layout.z / (t.q.z * max(abs(t.k), 1e-20));
-    t.tolerance = BIAS * bias + r.rise * steps + rounding;
-    t.separation = SEPARATION * bias + 3.0 * steps + rounding;
+    t.tolerance = BIAS * bias + r.rise * slope + rounding;
+    t.separation = SEPARATION * bias + 3.0 * slope + rounding;
     if (taps == 1)
     {
         // The texel of a flat receiver shows the receiver, or the texel's centre lies past an edge. In the latter case, the diagonal

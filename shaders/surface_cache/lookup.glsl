@@ -26,7 +26,7 @@ vec3 surface_visible_corners(int item, vec3 weights)
     vec3 after = texel_at(surface_cells, table_texel(item, 2, 1)).xyz;
     vec3 along = weights.yzx * abs(next.xyz), across = weights.zxy * after;
     vec3 reach = mix(along + across, max(along, across), lessThan(next.xyz, vec3(0.0)));
-    int single = int(next.w);
+    int single = int(next.w);  // the corner opposite to a visible pair; 3: none
     if (single < 3)
     {
         vec3 third = vec3(single == 0, single == 1, single == 2);
@@ -95,7 +95,7 @@ int surface_nearest(Lookup lookup)
     return w.x + w.y + w.z > 0.0 ? value : -1;
 }
 
-// Return value i, as in surface_values.
+// Return value i of surface_values.
 vec4 surface_value(int i)
 {
     return texel_at(surface_values, table_texel(i));
@@ -109,7 +109,7 @@ vec4 surface_irradiance(int triangle, vec3 barycentric, int side)
            lookup.weights.z * surface_value(lookup.values.z);
 }
 
-// Return irradiance and extent as above at the position p on the triangle, on the side of the unit vector g.
+// Return irradiance and extent, as above, at the position p, on the side of the unit vector g.
 vec4 surface_irradiance_at(int triangle, vec3 p, vec3 g)
 {
     vec3 corner = triangle_point(triangle, 0), offset = p - corner;

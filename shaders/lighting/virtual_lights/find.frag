@@ -39,8 +39,8 @@ void main()
     vec3 g = normalize(cross(b - a, c - a));
     g = dot(g, d) > 0.0 ? -g : g;
     vec3 end = mat3(a, b, c) * hit.barycentric;  // exactly on the triangle, for any distance of the light
-    float lit = hit.t < FARTHEST_HIT ? -dot(g, d) : 0.0, longest = hit.t;
-    for (int i = 0; i < further && lit > 0.0 && (i == 0 || longest < FARTHEST_HIT); ++i)
+    float cosine = hit.t < FARTHEST_HIT ? -dot(g, d) : 0.0, longest = hit.t;
+    for (int i = 0; i < further && cosine > 0.0 && (i == 0 || longest < FARTHEST_HIT); ++i)
     {
         float z = 1.0 - 2.0 * fract(number * PLASTIC + float(i) * GOLDEN), turn = angle + float(i) * GOLDEN_ANGLE;
         vec3 random_direction = vec3(sqrt(1.0 - z * z) * vec2(cos(turn), sin(turn)), z);
@@ -49,5 +49,5 @@ void main()
     }
     out_place = vec4(end, longest);
     out_normal = vec4(g, float(hit.triangle));
-    out_share = vec4(hit.barycentric, parallel ? lit : lit / (hit.t * hit.t));
+    out_share = vec4(hit.barycentric, parallel ? cosine : cosine / (hit.t * hit.t));
 }

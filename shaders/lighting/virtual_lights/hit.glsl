@@ -8,7 +8,7 @@ uniform vec4 virtual_windows[LIGHTS];         // directional lights (with rays p
 
 // Return the weight of the balance heuristic (Veach and Guibas 1995) for a hit at p on a surface with normal g. to_hit: vector from the
 // eye, metres. rays: rays per steradian. spread: see light_irradiance.
-float light_share(int light, vec3 p, float spread, vec3 to_hit, vec3 g, float rays)
+float light_weight(int light, vec3 p, float spread, vec3 to_hit, vec3 g, float rays)
 {
     vec2 source = virtual_lights[light].xy;
     vec3 from_light = p - light_table[light * LIGHT_ROWS + LIGHT_POSITION].xyz;
