@@ -51,7 +51,7 @@ class PlaneGather(Gather):
 
     @property
     def offset(self) -> float:
-        """Metres by which a record's eye lies above its surface; a nearer near plane would cost depth precision."""
+        """Height of a record's eye above its surface, metres; a nearer near plane would cost depth precision."""
         return OFFSET[0] * self.world.scene.diagonal
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:

@@ -18,7 +18,7 @@ _TEXELS = 1 << 20  # of an atlas at most: two RGBA32F textures of 16 MiB, and 4 
 
 
 def offset_of(scene: Scene) -> float:
-    """Return the metres by which a record's eye lies above its surface: the same on a large ground as in the house on it."""
+    """Return the height of a record's eye above its surface, metres: equal on a large ground and in the house on this ground."""
     return max(min(OFFSET[0] * scene.diagonal, OFFSET[1]), _LEAST * scene.diagonal)
 
 

@@ -80,7 +80,7 @@ class SkyShares(Owner):
         texture.write(picture.tobytes(), viewport=(0, 0, columns * n, lines * m))
 
     def _counted(self, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
-        """Return (N, M, A) the shares by Embree, for records whose own rays see the sky where they are `free` (N, M, A)."""
+        """Return (N, M, A) the shares by Embree, for records with rays that meet the sky where `free` (N, M, A) is True."""
         shares, (across, up) = free.astype(np.float32), self._step
         few = np.flatnonzero(free.any((1, 2)) & (free[:, ::up, ::across].mean((1, 2)) <= _OPEN))
         some, y, x = np.nonzero(self._mixed(free[few]))
@@ -92,7 +92,7 @@ class SkyShares(Owner):
         return shares
 
     def _mixed(self, free: np.ndarray) -> np.ndarray:
-        """Return (N, M, A) True where some but not all neighbouring strata see the sky; excluding the own ray avoids bias."""
+        """Return (N, M, A) True where some but not all neighbouring strata meet the sky; to avoid bias, without the stratum."""
         widest, n = int(self._reach.max()), free.shape[2]
         ring = np.concatenate([free[..., n - widest :], free, free[..., :widest]], axis=-1)
         before = np.pad(np.cumsum(ring, axis=-1, dtype=np.int16), ((0, 0), (0, 0), (1, 0)))

@@ -64,7 +64,7 @@ class Examination:
 
     @property
     def missing(self) -> float:
-        """The under-covered share of the pixels that see a surface, 0..1."""
+        """The under-covered share of the surface pixels, 0..1."""
         return float(self.requests.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
@@ -107,7 +107,7 @@ class ExaminePass(Owner):
         size, stride = gbuffer.position.size, splats.pixel_stride
         whole, corner = (size, (0, 0)) if part is None else (part.whole, part.corner)
         side = tile_side(whole, stride)
-        # where the picture begins and ends, in pixels of these sums
+        # first pixel of the picture and pixel after the last, in pixels of the sums
         begin = [-(at // stride) for at in corner]
         end = splats.weight.size if part is None else tuple(-(-n // stride) + at for n, at in zip(whole, begin, strict=True))
         tiles = -(-splats.weight.width // side), -(-splats.weight.height // side)

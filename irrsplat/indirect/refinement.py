@@ -55,7 +55,7 @@ class Refiner(Owner):
         self.splats: SplatBuffer | None = None
         self.error: float | None = None
         self.ended = self.broken = False
-        # of the picture on show, and of the next one
+        # of the displayed and of the next picture
         self._splats = [self.own(ViewSplats(world, size, gradients, timers)) for _ in range(2)]
         self._reach = [self.own(float_texture(world.ctx, size, 1)) for _ in range(2)]
         self._surface_error: tuple[int, float] | None = None  # of E in W/m², by the level of the surface cache
@@ -70,7 +70,7 @@ class Refiner(Owner):
         self._steps = self._refined(camera)
 
     def leave(self) -> None:
-        """Remove the records of the refinement; the others reach as far as before, and keep their present values."""
+        """Remove the records of the refinement; all other records regain their reach, and keep their values."""
         if self.splats is not None:
             (count, limits, compared), self.splats, self._steps = self._base, None, iter(())
             self.cache.truncate(count)
@@ -94,7 +94,7 @@ class Refiner(Owner):
                     on_pause()
                 if budget.left <= 0.0 or input_waits():
                     break
-        except BaseException:  # the step's assumptions about the cache no longer hold: the refinement restarts
+        except BaseException:  # the step's assumptions about the cache are void: the refinement restarts
             self.broken = True
             raise
 
@@ -192,7 +192,7 @@ class Refiner(Owner):
         gatherer, cache = self.scheduler.gatherer, self.cache
         seen = read_back(self._gbuffer)
         assert self.splats is not None
-        if not seen.mask.any():  # such as a view past the scene
+        if not seen.mask.any():  # as for a view past the scene
             self.error = 0.0
             return None
         seed, off = (self.scheduler.settings.seed, step), SMOOTH_OFF * gatherer.world.scene.diagonal
@@ -213,7 +213,7 @@ class Refiner(Owner):
         return replace(check, coarse=coarse, fine=cache.values[first + again, :3])
 
     def _fill(self, camera: Camera, index: int, side: int) -> Steps[bool]:
-        """Make records where the next step lacks some, and show its picture. Return False if there is no room for them."""
+        """Make records where the next step lacks some, and show its picture. Return False at the limit of records."""
         fill, settings = ViewState(), self.scheduler.settings
         while True:
             fill, _ = self.scheduler.limit_radii(fill)
@@ -236,7 +236,7 @@ def _finer_by(uncertainty: np.ndarray) -> np.ndarray:
     from scipy import ndimage
 
     limit = _LEAVE**2 * float(uncertainty[uncertainty > 0.0].mean())  # the variance's relation to the error's square cancels out
-    # an error is about in proportion to the square of the reach, so that it takes a level to halve it
+    # the error is about proportional to the square of the reach, so that a level halves the error
     more = np.clip(0.5 * np.log2(np.maximum(uncertainty, 1e-30) / limit), 0.0, _STEP)
     around = round(blur_of(len(uncertainty)))
     finer: np.ndarray = ndimage.gaussian_filter(ndimage.maximum_filter(more, 2 * around + 1), around)

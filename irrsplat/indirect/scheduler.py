@@ -85,7 +85,7 @@ class RecordScheduler(Owner):
     # ---- rounds ----------------------------------------------------------------------------------------------------
 
     def refresh(self, shadows: ShadowMaps, gbuffer: GBuffer | None, camera: Camera, budget: Budget) -> int:
-        """Gather stale records again in place. Return how many. gbuffer: records with most pixels in it come first."""
+        """Gather stale records again in place. Return their number. Records with most pixels in `gbuffer` come first."""
         stale = self.cache.stale
         numbers = stale if gbuffer is None else self.refresh_order.order(self.cache, gbuffer, camera, self.settings)
         return self.gatherer.regather(shadows, numbers, budget)
@@ -186,7 +186,7 @@ class RecordScheduler(Owner):
             if not view.checked or view.queue is not None:
                 return view, view.checked, False
         view, limited = self.limit_radii(view, last=True)
-        unchanged = not limited and view.pixel_stride == 1  # else others may be missing
+        unchanged = not limited and view.pixel_stride == 1  # otherwise further records may be missing
         return replace(view, pixel_stride=1), True, unchanged
 
     def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:
@@ -223,7 +223,7 @@ class RecordScheduler(Owner):
     def _resolved(self, spots: Spots) -> Spots:
         """Return the places where a probe resolves the differences that count: the records around have little noise."""
         count = self.cache.count
-        if not (self.settings.gradients and count and len(spots)):  # no record's noise is known
+        if not (self.settings.gradients and count and len(spots)):  # the noise of records is unknown
             return spots
         codes = along_a_way(np.concatenate([self.cache.positions, spots.sites.position]))
         order = np.argsort(codes[:count], kind="stable")
@@ -254,10 +254,10 @@ class RecordScheduler(Owner):
             found, need = self._examination(screen, settings)
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles
             step = view.step
-            while True:  # a field of the chessboard without requests is left for the next one
+            while True:  # the next field of the chessboard follows a field without requests
                 board = chessboard(step, reach, need.requests)
                 tiles = choose(found.requests, board, settings.seed + step)
-                step += need.requests > 0  # an examination without requests is no step: small ticks may have any number of them
+                step += need.requests > 0  # an examination without requests is no step: small ticks may repeat it
                 if len(tiles[0]) or not need.requests:
                     return replace(view, need=need, step=step), Queue(found.at(tiles), board.colour < 0)
 
@@ -290,9 +290,9 @@ class RecordScheduler(Owner):
         return self.refresh_order.covered(self.cache.records, gbuffer, camera, self.settings)
 
     def state(self) -> CacheState:
-        """Return the records with all that a file keeps of them."""
+        """Return the records with all columns of a file."""
         gatherer = self.gatherer
-        # records that are not yet compared with a change: all of them will be stale
+        # records without a comparison after a change will all be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
         records = self.cache.state(gatherer.has_pending_changes)
         self._checked.forget_if_fewer(self.cache.count)

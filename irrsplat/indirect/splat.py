@@ -20,7 +20,7 @@ _BATCH = 1.2e8  # records times pixels: some 30 ms of a software renderer, which
 
 
 def batches(numbers: np.ndarray, size: tuple[int, int]) -> Iterator[np.ndarray]:
-    """Yield the records' numbers in batches, in their order: work can end between two of them, and the sums stay the same.
+    """Yield the records' numbers in batches, in their order: work can end between two batches, without effect on the sums.
 
     size: width and height of the splat buffer, pixels.
     """
@@ -43,12 +43,12 @@ class SplatPass(Owner):
         self.ctx, self.size = ctx, size
         self.numbers = self.own(ctx.buffer(reserve=4))  # of the records that are drawn
         defines = record_defines(gradients)
-        self.bends = gradients  # without gradients, E is known for the record's normal alone
-        self.programs = {  # by whether there are normal maps, and whether the view is refined
+        self.bends = gradients  # without gradients, E is valid only at the record's normal
+        self.programs = {  # keys: normal maps, and refinement
             kind: self.own(Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": kind[0], "REFINED": kind[1]}))
             for kind in product((0, 1) if gradients else (0,), (0, 1))
         }
-        # by whether there are sides that no light reaches
+        # key: unlit sides
         self.empty = [
             self.own(Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": unlit})) for unlit in (0, 1)
         ]
@@ -62,7 +62,7 @@ class SplatPass(Owner):
     def clear(
         self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None, unlit_sides: Uniforms | None = None
     ) -> None:
-        """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing, or an unlit side.
+        """Start again from no records; the weight is NOTHING_SEEN at pixels without a surface or with an unlit side.
 
         unlit_sides: from `unlit_sides`.
         """
@@ -98,7 +98,7 @@ class SplatPass(Owner):
         if bent:
             some["lit_normal"] = gbuffer.mapped_normal
         data = numbers.astype("i4").tobytes()
-        self.numbers.orphan(max(len(data), self.numbers.size))  # a draw before this may still read the old ones
+        self.numbers.orphan(max(len(data), self.numbers.size))  # an earlier draw may still read the old numbers
         self.numbers.write(data)
         self.programs[int(bent), int(reach is not None)](
             target or self.target(pixel_stride),

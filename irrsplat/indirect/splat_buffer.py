@@ -78,12 +78,12 @@ class ViewSplats(Owner):
         self.splat_pass = self.own(SplatPass(world.ctx, size, gradients))
         self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
-        self._memo = Memo()  # whether the camera sees no light
-        self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # strided sums, and the sums upsampled from them
+        self._memo = Memo()  # True if the camera lies in a closed mesh without a light
+        self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # strided sums, and their upsampled sums
 
     @property
     def sums(self) -> SplatBuffer | None:
-        """The sums of the last update; None before the first one."""
+        """The sums of the last update; None before the first update."""
         return None if self._drawn is None else self._drawn.sums
 
     def _in_the_dark(self, camera: Camera) -> bool:
@@ -126,7 +126,7 @@ class ViewSplats(Owner):
         if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
             return drawn.sums
         first = drawn.count if drawn is not None and drawn.inputs == inputs else 0
-        self._drawn = None  # a batch counts as drawn once all of it is
+        self._drawn = None  # an incomplete batch does not count as drawn
         values, weight = self.splat_pass.target(pixel_stride).textures
         sums = SplatBuffer(values, weight, cache.luminance_floor, pixel_stride, reach)
         with self.timers("splat"):

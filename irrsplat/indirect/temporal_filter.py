@@ -45,7 +45,7 @@ class TemporalFilter(Owner):
         self.program = self.own(Program(ctx, "indirect/temporal", "lib/fullscreen"))
         self.fill = self.own(Program(ctx, "indirect/surface_fill", "lib/fullscreen"))
         self.linear = self.own(ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR)))
-        self.nothing = self.own(Target(ctx, (3, 3), (4, 1)))  # stands for the picture before the first one
+        self.nothing = self.own(Target(ctx, (3, 3), (4, 1)))  # the last picture before the first picture
         self._targets = self.own(Workshop())  # two of each size
         self._shown: _Shown | None = None
 
@@ -116,7 +116,7 @@ class TemporalFilter(Owner):
         return CHANGING if changed else SHARE
 
     def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
-        """Return a target for the next picture's irradiance that does not hold the last picture's."""
+        """Return a target for the next picture's irradiance, without the last picture's."""
 
         def target(number: int) -> Target:
             return self._targets.get(f"{size} {number}", (), lambda: Target(self.ctx, size, (4, 1), depth=True))

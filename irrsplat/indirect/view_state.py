@@ -78,7 +78,7 @@ class ViewState:
 
     @property
     def coverage(self) -> float:
-        """The covered share of the seen pixels at the beginning of the present round, 0..1."""
+        """The covered share of the surface pixels at the beginning of the present round, 0..1."""
         return 1.0 - self.need.missing
 
     @property
@@ -87,5 +87,5 @@ class ViewState:
         return self.stalled_rounds >= GIVE_UP
 
     def ended(self, of: tuple[object, ...]) -> bool:
-        """True if these sums and criteria leave no request, or only requests that cannot be met."""
+        """True if these sums and criteria leave no request, or only requests that no record can satisfy."""
         return self.stalled or (self.phase is Phase.SETTLED and self.need.of == of)

@@ -37,10 +37,10 @@ class SurfaceCache(Owner):
     def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
         self.world, self.timers = world, timers
         self._level = SiteLevel(world, settings, detail)
-        self._coarse: SiteLevel | None = None  # made by the first tick that needs it
-        self._in_use = self._before = self._level  # the level whose values lookups find, and the one that it refines
-        self._next: SiteLevel | None = None  # the finer level after that in use, while it is made
-        self._relit = False  # True while its own values are of other lights or materials
+        self._coarse: SiteLevel | None = None  # made by the first tick
+        self._in_use = self._before = self._level  # the level of the lookups' values, and the level before it
+        self._next: SiteLevel | None = None  # the unfinished finer level
+        self._relit = False  # True while the full level has values of other lights or materials
         self._no_sites, self._view_pass, self._viewed = no_sites(world.ctx), SurfaceViewPass(world.ctx), Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -77,7 +77,7 @@ class SurfaceCache(Owner):
 
     @property
     def may_refine(self) -> bool:
-        """True if there may be a finer level."""
+        """True if a finer level is possible."""
         return self.refinements < MAX_LEVEL
 
     @property
@@ -98,12 +98,12 @@ class SurfaceCache(Owner):
 
     @property
     def follows(self) -> bool:
-        """True if the values that lookups find follow changes of the light until others are made."""
+        """True if the lookups' values follow changes of the light until new values are made."""
         return self._in_use.follower is not None
 
     @property
     def _outdated(self) -> bool:
-        """True if its own values are of another light, or missing."""
+        """True if the values of the full level are of another light, or missing."""
         return self._relit or self._level.light is None
 
     @property
@@ -131,16 +131,16 @@ class SurfaceCache(Owner):
     # ---- changes ---------------------------------------------------------------------------------------------------
 
     def hold_light(self, shadows: ShadowMaps) -> None:
-        """Prepare its own values, and those in use, to follow a change of the scene. shadows: the maps before the change."""
+        """Prepare the full level, and the level in use, to follow a change of the scene. shadows: the maps before the change."""
         for level in dict.fromkeys((self._level, self._in_use)):
             level.hold_light(shadows)
 
     def may_add(self) -> bool:
-        """True if a difference between lights may be added to its own values."""
+        """True if a difference between lights may be added to the full level."""
         return self._level.may_add() and not self.is_coarse
 
     def change(self, settings: Settings, change: SceneChange, difference: LightDifference | None = None) -> None:
-        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others.
+        """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones.
 
         difference: of the light, if it may be added, see `may_add`.
         """
@@ -149,7 +149,7 @@ class SurfaceCache(Owner):
             self._drop_finer()
         self._relit |= change.changes_light and change.dimming is None
         level.change(settings, change, difference)
-        if coarse is not None and change.moved and level.follower is not None:  # its own values follow
+        if coarse is not None and change.moved and level.follower is not None:  # the values of the full level follow
             self._coarse, self._in_use = None, level
             coarse.release()
         elif coarse is not None:
@@ -195,7 +195,7 @@ class SurfaceCache(Owner):
         return changed
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Continue the next finer level within the budget. Return True if lookups find its values now.
+        """Continue the next finer level within the budget. Return True if lookups use its values now.
 
         They hold until the light of the scene changes.
         """

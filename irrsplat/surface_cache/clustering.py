@@ -52,8 +52,8 @@ def both_sides(tessellation: Tessellation, offset: float, outer: np.ndarray, inn
 
 
 def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
-    """Return (M,) True where all of the box `bounds` (2, 3) lies below a member's surface, so that it sees only the sky."""
-    farthest = np.where(members.geometric > 0.0, bounds[1], bounds[0])  # the corner that is highest above it
+    """Return (M,) True where the box `bounds` (2, 3) lies below a member's surface, so that only the sky is visible."""
+    farthest = np.where(members.geometric > 0.0, bounds[1], bounds[0])  # the highest corner above the surface
     below: np.ndarray = ((farthest - members.eye) * members.geometric).sum(1) <= 0.0
     return below
 
@@ -61,7 +61,7 @@ def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
 def voxel_keys(
     position: np.ndarray, normal: np.ndarray, size: float, level: np.ndarray | int = 0, within: np.ndarray | int = 0
 ) -> np.ndarray:
-    """Return (M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the
+    """Return (M,) int64, equal for members in one voxel of `size` metres with normals in one of 24 parts of the
     sphere. level: (M,) how many times the size is halved. within: (M,) True for the inner sides of closed meshes, which have keys
     of their own."""
     low = [float(at.min(initial=np.inf)) for at in position.T]
@@ -70,7 +70,7 @@ def voxel_keys(
         ((at.astype(float) - least) * (2.0**level / size) + 0.37).astype(np.int64)
         for at, least in zip(position.T, low, strict=True)
     )
-    normal = np.ascontiguousarray(normal.T)  # by columns: the same along the short axis takes ten times as long
+    normal = np.ascontiguousarray(normal.T)  # by columns: arithmetic along the short axis takes ten times as long
     a, b, c = (sum(n * share for n, share in zip(normal, column, strict=True)) for column in _ROTATION.T.astype(np.float32))
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
@@ -116,7 +116,7 @@ def choose_sites(keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_a
         apart += (x - mean[cluster]) ** 2
     apart = apart[order]
     nearest = np.flatnonzero(apart == np.minimum.reduceat(apart, begin)[in_order]) if len(keys) else order
-    chosen = order[nearest[np.flatnonzero(np.diff(in_order[nearest], prepend=-1))]]  # the first of them
+    chosen = order[nearest[np.flatnonzero(np.diff(in_order[nearest], prepend=-1))]]  # the first member
     size = np.bincount(cluster, weights=area, minlength=len(counts))
     kept = np.argsort(-size, kind="stable")[:most]
     kept = np.sort(kept[size[kept] >= min_area])
@@ -156,7 +156,7 @@ class Clusters:
         return _MIN_AREA * self.spacing**2
 
     def choose(self, left: np.ndarray, most: int, min_area: float) -> Choice:
-        """Return the sites among the members `left`, and the site of each, see choose_sites."""
+        """Return the sites among the members `left`, and the site of each member, see choose_sites."""
         area = self.area[left] * 4.0 ** self.level[left]
         return choose_sites(self.keys[left], self.members.position[left], area, min_area, most)
 
@@ -219,7 +219,7 @@ def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> tuple[np.ndar
     n_a, n_b = members.geometric[a], members.geometric[b]
     bent = np.flatnonzero(np.einsum("nx,nx->n", end - start, n_b - n_a) > 0.0)
     from_a, to_b, apart, both = start[bent], end[bent], n_b[bent] - n_a[bent], n_a[bent] + n_b[bent]
-    # |n_a − n_b|/|n_a + n_b| is the tangent of half the angle between them
+    # |n_a − n_b|/|n_a + n_b| is the tangent of half the angle between the normals
     slope = np.linalg.norm(apart, axis=1) / np.maximum(np.einsum("nx,nx->n", both, both), 1e-30)
     rise = 0.5 * _CLEARANCE * np.linalg.norm(to_b - from_a, axis=1) * slope
     between = 0.5 * (from_a + to_b) + rise[:, None] * both

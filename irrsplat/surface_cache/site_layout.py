@@ -178,7 +178,7 @@ class SiteChooser:
         tessellation = tessellate(vertices, faces, spacing * wider, offset, lights, ~emits)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
-        inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one stands for all that no light reaches
+        inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one member represents all unlit interiors
         number = np.full(len(points), len(inner) - 1)
         number[inner] = np.arange(len(inner))
         members = clustering.both_sides(tessellation, offset, points, points[inner])
@@ -202,9 +202,9 @@ class SiteChooser:
     def _known_values(self, members: Members) -> np.ndarray:
         """Return (M,) the numbers of the members' values that need no gather, else -1."""
         value = np.full(len(members), -1)
-        if self.scene.environment is None and not any(self.scene.sky_gradient):  # else it depends on where a member faces
+        if self.scene.environment is None and not any(self.scene.sky_gradient):  # otherwise the value depends on the normal
             value[clustering.sees_nothing(members, self.scene.bounds)] = SKY_VALUE
-        value[~members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
+        value[~members.geometric.any(1)] = DARK_VALUE  # members of triangles without area, as in hidden meshes
         return value
 
     def _assign(self, clusters: Clusters, first: Choice) -> Steps[np.ndarray]:
@@ -240,7 +240,7 @@ class SiteChooser:
         """
         members, value = clusters.members, clusters.value
         left = np.flatnonzero(value < 0)
-        # a coarse level compares one member of each cluster; in a full one, a groove's members take other sites than its rim's
+        # a coarse level compares one member per cluster; in a full level, a groove's members take other sites than its rim's
         keys = clusters.keys[left] if self.detail == COARSE else left
         _, first, cluster = np.unique(keys, return_index=True, return_inverse=True)
         size = VOXEL * clusters.spacing
@@ -250,7 +250,7 @@ class SiteChooser:
             pending = np.flatnonzero((value[left] < 0) & (site >= 0))
             seen = yield from self.see(members, left[pending], gathered[site[pending]])
             value[left[pending[seen]]] = FIRST_SITE + site[pending[seen]]
-        # both sides of a small emitter are near each other, and only one is bright
+        # the two sides of a small emitter are close, and only one side is bright
         alike = (near >= 0) & (clusters.within[gathered[near]] == clusters.within[left][:, None])
         nearest = near[np.arange(len(near)), alike.argmax(1)]
         unseen = (value[left] < 0) & alike.any(1)
@@ -267,7 +267,7 @@ class SiteChooser:
             pairs = np.sort(corners[unlike][:, [[1, 2], [2, 0], [0, 1]]], axis=-1)  # opposite to each corner
             key, pair = np.unique(pairs[..., 0] * len(members) + pairs[..., 1], return_inverse=True)
             seen = yield from self.see(members, *np.divmod(key, len(members)))
-            free = seen[pair.reshape(-1, 3)]  # of each corner, whether the other two see each other
+            free = seen[pair.reshape(-1, 3)]  # True at a corner if the other two corners see each other
             hidden = ~free.all(1)
             unlike, free = unlike[hidden], free[hidden]
             cells[unlike, 3] = sum(map(len, table)) + np.arange(len(unlike))
@@ -277,8 +277,8 @@ class SiteChooser:
         return np.concatenate(table)
 
     def _reach(self, members: Members, cells: np.ndarray, free: np.ndarray) -> Steps[np.ndarray]:
-        """Return (N, 3, 2) the visible shares of a cell's edges, from each corner to the next one and the one after; inf for free
-        ones.
+        """Return (N, 3, 2) the visible shares of a cell's edges, from each corner to the next two corners; inf for free
+        edges.
 
         cells: (N, 3) the members at the corners. free: (N, 3) of each corner, whether the other two see each other.
         """

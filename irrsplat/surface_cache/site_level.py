@@ -61,7 +61,7 @@ class SiteLevel(Owner):
         self._steps = _Steps()
         self._unlit = world.unlit_interiors  # of the scene that the sites are of
         self._still = np.inf  # frames since the scene has changed
-        self._moved = False  # True if meshes have moved and the sites are still the former ones
+        self._moved = False  # True if meshes have moved since the choice of the sites
         self.shown: SurfaceSites | None = None
         self.complete = False
         self.sites: SurfaceSites | None = None
@@ -112,7 +112,7 @@ class SiteLevel(Owner):
         return self.complete and shown is self.sites and known
 
     def change(self, settings: Settings, change: SceneChange, difference: LightDifference | None = None) -> None:
-        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others.
+        """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones.
 
         difference: of the light, if it may be added, see `may_add`.
         """
@@ -156,7 +156,7 @@ class SiteLevel(Owner):
 
     def expire(self) -> None:
         """Gather all sites again."""
-        if self.sites is not None:  # one by one, since their order after a move is decided later
+        if self.sites is not None:  # one by one, because a move may change their order later
             self.sites.records.invalidate(np.arange(self.sites.records.count))
         self._bounce_again()
 
@@ -175,7 +175,7 @@ class SiteLevel(Owner):
             before.release()
 
     def _forget_transport(self) -> None:
-        """Forget the light between sites, so that it is found again, and cannot be followed until then."""
+        """Discard the transport between sites: until the next gather, no value follows changes."""
         self.follower = None
         for sites in (self.sites, self.shown):
             if sites is not None:
@@ -184,7 +184,7 @@ class SiteLevel(Owner):
     # ---- making ----------------------------------------------------------------------------------------------------
 
     def make(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Continue the next solution until the budget ends. Return True if lookups find its values now."""
+        """Continue the next solution until the budget ends. Return True if lookups use its values now."""
         try:
             sites = self._lay_out(budget)
             if sites is None or not self._find_places(sites, shadows, budget):
@@ -248,7 +248,7 @@ class SiteLevel(Owner):
         return self.sites
 
     def _find_places(self, sites: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Find the origins of the rays of sites by a survey along few rays. Return True once all are known."""
+        """Find the ray origins of sites by a survey along few rays. Return True once all are complete."""
         if sites.places is not None:
             return True
         steps, records, gather = self._steps, sites.records, self._rays.survey_gather()
@@ -271,7 +271,7 @@ class SiteLevel(Owner):
         return True
 
     def _gather_sites(self, sites: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> None:
-        """Gather E_1 at the sites that lack it, and find the sites that their rays hit if these are not known yet."""
+        """Gather E_1 at the sites without a value, and find the sites that light the hits of their rays."""
         records = sites.records
         gather = self._rays.gather_for(records.count)
         if self.settings.most_bounces > 2 and sites.transport is None:
@@ -282,7 +282,7 @@ class SiteLevel(Owner):
         self._gather(gather, sites, stale[stale >= FIRST_SITE], shadows, budget)
 
     def _gather(self, gather: TraceGather, sites: SurfaceSites, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget) -> int:
-        """Gather E_1 at sites of these numbers, and unknown rows of their transport, within the budget. Return their number."""
+        """Gather E_1 at sites of these numbers, and missing rows of their transport, within the budget. Return their number."""
         done, transport = 0, sites.transport
         for batch in self._rays.gathered(gather, sites, numbers, shadows, budget):
             if transport is not None and not transport.known[batch].all():
@@ -300,7 +300,7 @@ class SiteLevel(Owner):
         return budget.advance(self._steps.bouncing)
 
     def _first(self, records: RecordCache) -> np.ndarray:
-        """Return (S, 3) E_1 at the sites, W/m², with the values that are known without a gather."""
+        """Return (S, 3) E_1 at the sites, W/m², including values that need no gather."""
         E_1 = records.read()["irradiance"]
         E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self.world.scene.sky)
         E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
@@ -309,15 +309,15 @@ class SiteLevel(Owner):
     # ---- the values in use -----------------------------------------------------------------------------------------
 
     def _show(self, E: np.ndarray) -> None:
-        """Let lookups find these values (S, 3), W/m², of the same sites."""
+        """Set the values (S, 3), W/m², of the lookups for unchanged sites."""
         shown = self.shown
         assert shown is not None and shown.light is not None
         shown.write(E)
         shown.light = replace(shown.light, irradiance=E)
 
     def _use(self, sites: SurfaceSites, made: BouncedLight) -> None:
-        """Let lookups find the values `made` at these `sites`."""
-        coarse = self.detail.level < 0  # pixels show its values
+        """Set the values of the lookups to those `made` at these `sites`."""
+        coarse = self.detail.level < 0  # pixels display the values of a coarse level
         E = _without_dark_gaps(made.irradiance, sites) if coarse else made.irradiance
         sites.write(E)
         sites.light = made

@@ -210,7 +210,7 @@ def steps(p: np.ndarray, longest: np.ndarray, spacing: float | np.ndarray) -> np
         n = np.minimum(np.ceil(np.minimum(longest / (wider * spacing) - 1e-6, 1e6)), np.ceil(np.sqrt(most * cells) / wider))
         return np.maximum(n, 1.0).astype(np.intp)
 
-    cells: np.ndarray | float = 1.0  # of the triangles' areas, once they are needed
+    cells: np.ndarray | float = 1.0  # cells that the area of each triangle needs, made at the first use
     n, most, wider = within(np.inf), _DENSE, 1.0
     while (n * n).sum() > len(n) + _MAX_CELLS:
         cells = 2.0 * triangle_areas(p) / spacing**2 if np.isscalar(cells) else cells
@@ -236,6 +236,6 @@ def _corners(cell: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _grid(point: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (P,) each, steps along the two edges to the points of triangles, numbered row by row: row j has n - j + 1 points."""
-    left = (n + 1) * (n + 2) // 2 - 1 - point  # points after this one
-    after = ((np.sqrt(8 * left + 1) - 1.0) / 2.0).astype(np.intp)  # rows after its own; squares are exact
+    left = (n + 1) * (n + 2) // 2 - 1 - point  # points after this point
+    after = ((np.sqrt(8 * left + 1) - 1.0) / 2.0).astype(np.intp)  # rows after the point's row; squares are exact
     return after - (left - after * (after + 1) // 2), n - after

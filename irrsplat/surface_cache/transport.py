@@ -49,7 +49,7 @@ class Transport:
         self.known[rows] = True
 
     def __call__(self, E: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Return F·E of (S, 3): one more bounce; of these `rows` alone, (N, 3), where they are given."""
+        """Return F·E of E (S, 3): one more bounce; (N, 3) for the given `rows`."""
         columns = self._columns[rows]
         channels = zip(self._values, np.ascontiguousarray(E.T, np.float32), strict=True)
         return np.stack([np.einsum("sr,sr->s", values[rows], light[columns]) for values, light in channels], axis=1)

@@ -32,7 +32,7 @@ class SurfaceViewPass(Owner):
         return drawn.textures[0]
 
     def at(self, sites: Sites, surface: Uniforms) -> np.ndarray:
-        """Return (N, 3) indirect irradiance at `sites`, W/m²; their triangles must be known."""
+        """Return (N, 3) indirect irradiance at `sites`, W/m²; the sites must have triangles."""
         assert sites.triangle is not None
         x, y = octahedral_encode(sites.geometric)
         parts = (sites.position, np.ones(len(sites))), (sites.normal, x), (np.zeros((len(sites), 3)), y)

@@ -45,12 +45,12 @@ class Basis:
 
     @property
     def way(self) -> tuple[object, ...]:
-        """The inputs that decide a record's values and their noise."""
+        """The inputs that determine a record's values and their noise."""
         settings = self.settings
         rays = settings.gather_size, settings.light_samples
         return self.kind, *rays, self.uses_surface_cache
 
     @property
     def uses_surface_cache(self) -> bool:
-        """True if a surface cache lights the records: for more than one bounce."""
+        """True if records use a surface cache: for more than one bounce."""
         return self.settings.most_bounces > 1

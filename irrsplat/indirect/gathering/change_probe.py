@@ -47,7 +47,7 @@ def correction(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.
 
 
 def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.ndarray:
-    """Return (N,) the change of E and R, the first columns of (N, 4 and more): the greater of both relative changes.
+    """Return (N,) the greater of the relative changes of E and R, the first columns of (N, 4 and more).
 
     Each change is relative to the greater of the two values.
 
@@ -97,7 +97,7 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
 
 
 def _set_columns(cache: RecordCache, numbers: np.ndarray, rows: np.ndarray, radii: tuple[float, float]) -> None:
-    """Let records hold these rows, in the form of probes."""
+    """Set the values of records to these rows, in the form of probes."""
     R = np.clip(rows[:, 3], *radii)
     values = {"irradiance": rows[:, :3], "radius": R, "max_radius": np.minimum(WIDE * R, radii[1])}
     values |= {"vectors": rows[:, 4:13].reshape(-1, 3, 3), "gradient": rows[:, 13:].reshape(-1, 3, 3)}

@@ -78,7 +78,7 @@ class RecordGatherer(Owner):
 
     @property
     def may_probe(self) -> bool:
-        """True if `probe_luminance` takes less time than a gather: both trace rays, and a gather at least four times as many."""
+        """True if `probe_luminance` takes less time than a gather: both trace rays, but a gather at least four times as many."""
         basis = self._basis
         return basis.kind in ("trace", "embree") and basis.settings.gather_size >= 2 * SIDES[-1]
 
@@ -213,8 +213,8 @@ class RecordGatherer(Owner):
             surface.change(settings, change, difference)
         gathered = old.way != new.way
         if gathered or old.lights != new.lights or was.placement != settings.placement:
-            self.atlas = None  # its gather is gone
-        more = settings.gradients and not was.gradients  # records gathered without them have none
+            self.atlas = None  # the gather of this atlas is gone
+        more = settings.gradients and not was.gradients  # records of gathers without gradients have none
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, from_file=None)
@@ -310,7 +310,7 @@ class RecordGatherer(Owner):
         before, followed = surface.at(sites) if follows else None, surface.follows
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
-        waits = budget.limited and coarse and (self._without_tree or first_records)  # its own values have virtual lights
+        waits = budget.limited and coarse and (self._without_tree or first_records)  # the full level has virtual lights
         change = None if waits else surface.advance(shadows, part)
         made = change is not None
         if change is not None and basis.from_file is None:
@@ -450,7 +450,7 @@ class RecordGatherer(Owner):
 
     @property
     def provisional(self) -> bool:
-        """True while coarse values of the surface cache light the records: all are gathered again by its own values."""
+        """True while coarse values of the surface cache light the records: all are gathered again with the full level."""
         surface = self.surface_now
         return surface is not None and surface.is_coarse
 
@@ -493,7 +493,7 @@ class RecordGatherer(Owner):
 
     @property
     def surface_now(self) -> SurfaceCache | None:
-        """The surface cache where it is required and has values; else None."""
+        """The surface cache if it is required and has values; else None."""
         surface = self.surface
         return surface if surface is not None and surface.result is not None else None
 
@@ -515,5 +515,5 @@ class RecordGatherer(Owner):
 
 
 def _places(settings: Settings) -> tuple[object, ...]:
-    """Return the settings that decide where records lie."""
+    """Return the settings that determine the positions of records."""
     return settings.seed, settings.placement, settings.warmup
