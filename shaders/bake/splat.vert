@@ -1,5 +1,5 @@
-// Baking: splats a record on a tile of points that do not form an image of the scene, such as texels of a lightmap. An instance is a record
-// and a tile that it may cover. The fragment shader is indirect/splat.frag.
+// Baking: splats a record on a tile of points that do not form an image of the scene, such as texels of a lightmap. An instance
+// is a record and a tile that it may cover. The fragment shader is indirect/splat.frag.
 #include "indirect/splat_outputs.glsl"
 
 uniform sampler2D pairs;     // by instance: x record, yz first texel of the tile

@@ -16,5 +16,5 @@ vec2 unpack_pair(float value)
     return vec2(first, value - first * (TWELVE_BITS + 1.0)) / TWELVE_BITS;
 }
 
-// Ray length up to which a hit is close, in extents of the surface of its value: for rays of records, and for rays from close hits.
+// Greatest length of rays to close hits, in extents of the value's surface: rays of records, and rays from close hits.
 const vec2 CLOSE = vec2(2.0, 1.0);

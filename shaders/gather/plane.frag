@@ -1,5 +1,5 @@
-// The gather of the paper (Jones 2010, 2.1): the radiance from the surface at each texel of a record's plane, by rasterisation. It is the
-// sum of emission, shadow-mapped direct light and, with SURFACE, the light of the surface cache.
+// The gather of the paper (Jones 2010, 2.1): the radiance from the surface at each texel of a record's plane, by rasterisation.
+// It is the sum of emission, shadow-mapped direct light and, with SURFACE, the light of the surface cache.
 #include "lighting/lights.glsl"
 #include "lib/material.glsl"
 #include "lib/material_table.glsl"
@@ -34,8 +34,8 @@ void main()
 #if CUT_OUTS
     if (light_passes(point)) discard;
 #endif
-    // The position is the intersection of the texel's ray with the plane of the triangle. An interpolated position would be too coarse
-    // for the shadow test if a large triangle passes close to the record.
+    // The position is the intersection of the texel's ray with the plane of the triangle. An interpolated position would be too
+    // coarse for the shadow test if a large triangle passes close to the record.
     vec2 from_centre = gl_FragCoord.xy - v_centre;
     vec3 direction = v_ahead + from_centre.x * v_right + from_centre.y * v_up;
     vec4 plane = face_plane(gl_PrimitiveID);

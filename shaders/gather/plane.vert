@@ -1,5 +1,5 @@
-// The paper's gather (Jones 2010, 2.1) for many records in one draw: instance i draws the scene on the plane of record i, into cell i of
-// an atlas.
+// The paper's gather (Jones 2010, 2.1) for many records in one draw: instance i draws the scene on the plane of record i, into
+// cell i of an atlas.
 #include "generated/attributes.glsl"
 
 in vec3 in_position;

@@ -114,13 +114,13 @@ void main()
                     plane_next = plane_b;
                 }
                 vec3 w = normalize(direction.xyz + neighbour.xyz), w_world = frame * w;
-                // 1/r of the nearer plane at the edge (METHOD.md, 4.3): at grazing angles it differs much from 1/r at the texel's centre
+                // 1/r of the nearer plane at the edge (METHOD.md, 4.3): at grazing angles unlike 1/r at the texel's centre
                 float nearer = max(dot(plane.xyz, w_world), dot(plane_b.xyz, w_world));
                 nearer = above * clamp(nearer, 0.0, max(L.a, L_b.a));
                 G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);
                 float difference = direction.w * dot(L_b.rgb - L.rgb, LUMINANCE);
                 squares += difference * difference;
-                // the edge form of the Hessian, 4/r²·ΔY·sym(e ⊗ ω): the symmetric part of the gradient's derivative (METHOD.md, 4.4)
+                // edge form of the Hessian, 4/r²·ΔY·sym(e ⊗ ω): symmetric part of the gradient's derivative (METHOD.md, 4.4)
                 H += 4.0 * nearer * nearer * dot(L_b.rgb - L.rgb, LUMINANCE)
                      * vec3(edge.x * w.x, 0.5 * (edge.x * w.y + edge.y * w.x), edge.y * w.y);
             }

@@ -35,8 +35,8 @@ flat in int v_index;  // index of the record in the batch
 
 #if CLOSE_LIGHT
 // Return the ratio E'/E of a record's corrected to its plain luminance (METHOD.md, 11.5). C: part of E by close values of the
-// surface cache. K: mean reflectance of the close hits. S: value of the surface cache at the record. E_close: a texel of close_light.
-// All are luminances.
+// surface cache. K: mean reflectance of the close hits. S: value of the surface cache at the record. E_close: a texel of
+// close_light. All are luminances.
 float with_close_light(float E, float C, float K, float S, vec2 E_close)
 {
     float first = (E - C + K * (E_close.x - E_close.y)) / E;  // E_1/E, without light that returns to the record
@@ -101,8 +101,9 @@ void main()
     axis = world * vec3(along, 0.0);
     curvature = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
     curvature = clamp(curvature, -1e30, 1e30);  // large values in the dark stay: they show that the edge of a shadow is near
-    // WIDE, from settings.py, bounds radii where the light hardly curves. The unlit inside of a closed mesh is visible only by rounding,
-    // so that a record there may cover no pixel but its own. It has no light, or rays that begin within rounding of the mesh.
+    // WIDE, from settings.py, bounds radii where the light hardly curves. The unlit inside of a closed mesh is visible only by
+    // rounding, so that a record there may cover no pixel but its own. It has no light, or rays that begin within rounding of the
+    // mesh.
     bool dark = total.r + total.g + total.b == 0.0 || R <= radii.x, enclosed = dark && shares.y > ENCLOSED * shares.x;
     // next-event estimation adds light, but hardly any error; a record without light has an unknown error, here 100 %
     float Y = dot(total.rgb, LUMINANCE);

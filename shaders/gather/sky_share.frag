@@ -5,7 +5,7 @@
 
 uniform sampler2D radiance;     // the atlas; a: distance, metres (0: the sky)
 uniform sampler2D frames;       // texels (i, 0..2): tangent, bitangent and normal of record i; (i, 4): its eye, world space
-uniform sampler2D closer_rays;  // RAYS texels per stratum: ray directions in the record's frame; w: neighbouring azimuths to either side
+uniform sampler2D closer_rays;  // RAYS texels per stratum: directions in the record's frame; w: neighbouring azimuths per side
 uniform ivec2 cell;             // azimuths and elevations of a record
 uniform int columns;            // cells per row
 uniform ivec2 step;             // distance, in strata, of the strata that sample the visible share of the whole sky

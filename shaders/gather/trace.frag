@@ -47,7 +47,8 @@ layout(location = 3) out vec4 out_place;   // position of the hit, world space, 
 layout(location = 4) out vec4 out_normal;  // shading normal at the hit
 #endif
 
-// Return the irradiance by light i, W/m², at the hit of a ray. to_hit: vector from the eye, metres. ray: direction in the record's frame.
+// Return the irradiance by light i, W/m², at the hit of a ray. to_hit: vector from the eye, metres. ray: direction in the
+// record's frame.
 vec3 irradiance_at_hit(int i, Receiver receiver, vec3 eye, vec3 to_hit, vec3 ray)
 {
     float spread;
@@ -55,7 +56,7 @@ vec3 irradiance_at_hit(int i, Receiver receiver, vec3 eye, vec3 to_hit, vec3 ray
 #if VIRTUAL_LIGHTS
     E *= light_weight(i, receiver.p, spread, to_hit, receiver.g, ray_density(ray));
 #endif
-    // Software renderers read the shadow map for all hits. Unlit hits read it at the eye, because its texel is in the processor's cache.
+    // Software renderers read the shadow map for all hits. Unlit hits read it at the eye, in the processor's cache.
     bool lit = E.r + E.g + E.b > 0.0;
     float visible = visibility(i, Receiver(lit ? receiver.p : eye, receiver.n, receiver.g, FLAT), 1, vec2(1.0, 0.0));
     return lit ? E * visible : vec3(0.0);

@@ -1,4 +1,5 @@
-// The radiance of the background: that of the sky, or 0 for a backdrop that emits no light. irrsplat/image/backdrop.py sets the uniforms.
+// The radiance of the background: that of the sky, or 0 for a backdrop that emits no light. irrsplat/image/backdrop.py sets the
+// uniforms.
 #include "lighting/sky.glsl"
 
 uniform mat3 pixel_rays;      // maps (x, y, 1) in pixels of the whole picture to the direction of a ray, of any length

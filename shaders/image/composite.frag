@@ -9,7 +9,7 @@
 #include "lib/material.glsl"
 #include "lib/texel.glsl"
 
-// FILTERS: 1 if filters may cover surfaces. EMISSIVE: 1 if any surface emits. SKY: 0 black, 1 uniform, 2 linear in the height, 3 a map.
+// FILTERS: 1 if filters may cover surfaces. EMISSIVE: 1 if any surface emits. SKY: 0 black, 1 uniform, 2 with a gradient, 3 map.
 
 uniform sampler2D direct;  // direct radiance; a: 1 at a surface, else 0
 uniform sampler2D sums;    // Σ k·E, Σ k

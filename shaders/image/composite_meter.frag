@@ -1,5 +1,5 @@
-// The exposure meter (METHOD.md, 10.2): the sum of log₂ (Y/ρ) over the lit pixels of a block, and the number of these pixels. Y is the
-// luminance, and ρ that of the reflectance.
+// The exposure meter (METHOD.md, 10.2): the sum of log₂ (Y/ρ) over the lit pixels of a block, and the number of these pixels. Y
+// is the luminance, and ρ that of the reflectance.
 #include "generated/constants.glsl"
 #include "generated/gbuffer_material.glsl"
 

@@ -28,8 +28,8 @@ float filter_opacity(ivec2 pixel)
     return 1.0 - least(filter_texel(tint, pixel));
 }
 
-// Return the radiance of the background at `at` after the filters. A backdrop without light shows through by the least transmittance of the
-// three channels, as alpha. The remaining transmittance of each channel shows the sky.
+// Return the radiance of the background at `at` after the filters. A backdrop without light shows through by the least
+// transmittance of the three channels, as alpha. The remaining transmittance of each channel shows the sky.
 vec3 filtered_backdrop(ivec2 pixel, vec2 at)
 {
     vec3 transmittance = filter_texel(tint, pixel);

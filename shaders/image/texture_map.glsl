@@ -1,6 +1,6 @@
-// Texture maps of a surface, at full resolution. ALBEDO_MAP, EMISSION_MAP, NORMAL_MAP: 1 if the surface has the map.
-// …_from_uv: matrix from both sets of texture coordinates to image coordinates; …_place: xy offset, zw 1 if the image repeats mirrored
-// along x or y.
+// Texture maps of a surface, at full resolution. ALBEDO_MAP, EMISSION_MAP, NORMAL_MAP: 1 if the surface has the map. …_from_uv:
+// matrix from both sets of texture coordinates to image coordinates; …_place: xy offset, zw 1 if the image repeats mirrored along
+// x or y.
 #if ALBEDO_MAP
 uniform sampler2D albedo_map;  // sRGB, with alpha
 uniform mat4x2 albedo_from_uv;
@@ -24,8 +24,9 @@ vec2 folded(vec2 st, vec2 mirrored)
     return mix(st, 1.0 - abs(1.0 - mod(st, 2.0)), mirrored);
 }
 
-// Return the mean over a pixel's footprint. A long footprint has up to MAP_TAPS samples along its length (1 with the driver's anisotropic
-// filter). If it is also wider than a texel, it has two rows of samples, half a level finer, because one would blur beyond its sides.
+// Return the mean over a pixel's footprint. A long footprint has up to MAP_TAPS samples along its length (1 with the driver's
+// anisotropic filter). If it is also wider than a texel, it has two rows of samples, half a level finer, because one would blur
+// beyond its sides.
 vec4 map_texel(sampler2D map, vec2 st, vec2 mirrored)
 {
     vec2 x = dFdx(st), y = dFdy(st);
@@ -61,10 +62,10 @@ vec4 albedo_texel(vec4 uv)
 #endif
 
 #if NORMAL_MAP
-// Return the unit normal n, modified by the normal map; n if the coordinates have no gradient. The tangents are the gradients of the map's
-// coordinates on the surface, by screen-space derivatives (Schuler 2013, "Followup: Normal Mapping Without Precomputed Tangents"), so that
-// mirrored coordinates need no sign. n, g: shading and geometric normal on the visible side; no result lies below the plane of g.
-// front: true for the front; on the back, a bump is a dent.
+// Return the unit normal n, modified by the normal map; n if the coordinates have no gradient. The tangents are the gradients of
+// the map's coordinates on the surface, by screen-space derivatives (Schuler 2013, "Followup: Normal Mapping Without Precomputed
+// Tangents"), so that mirrored coordinates need no sign. n, g: shading and geometric normal on the visible side; no result lies
+// below the plane of g. front: true for the front; on the back, a bump is a dent.
 vec3 mapped_normal(vec3 p, vec3 n, vec3 g, vec4 uv, bool front)
 {
     vec2 st = normal_from_uv * uv + normal_place.xy;

@@ -1,5 +1,6 @@
-// Filters in front of the g-buffer: surfaces that transmit most of the light. The result is the product of their transmittances, which
-// needs no order. GLOW: 1 for the sum of their emission, without mutual tint. NEAREST: 1 for the opacity of the nearest filter.
+// Filters in front of the g-buffer: surfaces that transmit most of the light. The result is the product of their transmittances,
+// which needs no order. GLOW: 1 for the sum of their emission, without mutual tint. NEAREST: 1 for the opacity of the nearest
+// filter.
 #include "generated/interpolated.glsl"
 #include "image/texture_map.glsl"
 #include "lib/material_table.glsl"

@@ -5,7 +5,7 @@
 uniform float tolerance;        // Σw below which a pixel always requests a record
 uniform float spread;           // allowed standard deviation of the records' luminances, divided by the error scale (0: any)
 
-const float NEAR = 3.0;   // in tolerances: a pixel with a greater Σw is so close to a record that inter-record variance does not count
+const float NEAR = 3.0;   // in tolerances: with a greater Σw, a pixel is so close to a record that variance does not count
 
 // Return standard deviation and mean of the luminances, W/m², that the records contribute at a pixel.
 vec2 deviation_and_mean(vec2 weight, vec4 sums)

@@ -1,4 +1,4 @@
-// The examination (Jones 2010, 2.3; METHOD.md, 7.2): a fragment finds the pixel of least effective weight in a tile of the screen.
+// The examination (Jones 2010, 2.3; METHOD.md, 7.2): a fragment finds a tile's pixel of least effective weight.
 #include "indirect/effective_weight.glsl"
 #include "lib/gbuffer.glsl"
 
@@ -15,7 +15,7 @@ uniform ivec2 end;           // pixel after the last one
 uniform int step_size;       // distance between successive pixels of the search in a tile; coprime to side²
 uniform int seed;
 
-layout(location = 0) out vec4 out_position;  // position of the pixel with the least weight; w: number of pixels that request a record
+layout(location = 0) out vec4 out_position;  // position of the pixel of least weight; w: number of requesting pixels
 layout(location = 1) out vec4 out_normal;    // shading normal of this pixel; w: octahedral x of the geometric normal
 layout(location = 2) out vec4 out_rest;      // octahedral y of the geometric normal, effective weight, surface pixels, triangle
 

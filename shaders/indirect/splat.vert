@@ -1,5 +1,5 @@
-// Splat of a record: a quad that bounds the record's sphere of influence on screen (Jones 2010, figure 1; METHOD.md, 6.1). An instance
-// is a record.
+// Splat of a record: a quad that bounds the record's sphere of influence on screen (Jones 2010, figure 1; METHOD.md, 6.1). An
+// instance is a record.
 #include "indirect/splat_depth.glsl"
 #include "indirect/splat_outputs.glsl"
 #include "lib/normals.glsl"
@@ -39,8 +39,9 @@ void main()
     vec2 half_size = vec2(r * d / sqrt(d * d - r * r));
     if (hessian)
     {
-        // Only a slab of the ellipsoid passes the in-front test: with x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k| is
-        // at most (IN_FRONT + x·y/√2)·R, and x·y at most a²/4. The quad is rotated to the projected ellipse, and bounds the slab.
+        // Only a slab of the ellipsoid passes the in-front test: with x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a,
+        // |(p - p_k)·n_k| is at most (IN_FRONT + x·y/√2)·R, and x·y at most a²/4. The quad is rotated to the projected
+        // ellipse, and bounds the slab.
         float thickness = IN_FRONT / a * ellipse.across + 0.177 * a * r;
         vec3 along = ellipse.along * ellipse.axis, across = ellipse.across * cross(v_normal, ellipse.axis), v = cross(axis, u);
         mat2 C = mat2(dot(along, u), dot(across, u), dot(along, v), dot(across, v));

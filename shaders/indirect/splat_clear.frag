@@ -1,4 +1,4 @@
-// Clears the splat buffer: sums of 0, and the weight NOTHING_SEEN at pixels without a surface or with an unlit side (METHOD.md, 7.1).
+// Clears the splat buffer: sums of 0, and the weight NOTHING_SEEN without a surface or at an unlit side (METHOD.md, 7.1).
 #include "generated/constants.glsl"
 #include "indirect/splat_depth.glsl"
 #if UNLIT_SIDES

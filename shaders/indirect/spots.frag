@@ -1,5 +1,5 @@
-// The pixels of the spot check (METHOD.md, 7.3): position and cached luminance at one pixel per square of a view, for comparison with
-// a probe.
+// The pixels of the spot check (METHOD.md, 7.3): position and cached luminance at one pixel per square of a view, for comparison
+// with a probe.
 #include "generated/constants.glsl"
 #include "lib/gbuffer.glsl"
 
@@ -10,15 +10,15 @@ uniform ivec2 corner;        // first pixel of the drawn part, in the whole pict
 uniform ivec2 whole;         // size of the whole picture in pixels
 uniform ivec2 first;         // column and row of the first square
 
-layout(location = 0) out vec4 out_position;  // w: 1 if records contribute, and the surface reflects at least as much as it emits; else 0
+layout(location = 0) out vec4 out_position;  // w: 1 if records contribute and the surface emits no more than it reflects
 layout(location = 1) out vec4 out_normal;    // shading normal; w: octahedral x of the geometric normal
-layout(location = 2) out vec4 out_rest;      // octahedral y of the geometric normal, luminance of E, W/m², triangle; 1 at a crease, else 0
+layout(location = 2) out vec4 out_rest;      // octahedral y of the geometric normal, luminance of E, W/m², triangle; 1 at a crease
 
 const float STEEP = 0.2;      // least sine of the angle between a plane and the direction to a surface above the plane
 const float FAR = 8.0;        // greatest distance to the surface, in pixel sizes per pixel on screen
 
-// Return 1 if a surface within MARGIN pixels rises above the plane at p with normal n, else 0. At the foot of a ledge, light changes within
-// the height of the ledge, and all records around agree.
+// Return 1 if a surface within MARGIN pixels rises above the plane at p with normal n, else 0. At the foot of a ledge, light
+// changes within the height of the ledge, and all records around agree.
 float at_crease(ivec2 pixel, vec3 p, vec3 n)
 {
     float crease = 0.0;

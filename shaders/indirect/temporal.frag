@@ -1,5 +1,5 @@
-// Temporal accumulation (METHOD.md, 8.4): a blend of the records' irradiance with that of the last picture at the same world position.
-// The depth buffer marks pixels without any irradiance for surface_fill.frag.
+// Temporal accumulation (METHOD.md, 8.4): a blend of the records' irradiance with that of the last picture at the same world
+// position. The depth buffer marks pixels without any irradiance for surface_fill.frag.
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 

@@ -10,7 +10,7 @@ uniform sampler2D sums;      // Σ k·E, Σ k of the coarse pixels
 uniform sampler2D weight;    // Σw of the coarse pixels
 
 layout(location = 0) out vec4 out_irradiance;  // E and Σw of the first pixel
-layout(location = 1) out vec4 out_plane;       // plane of the square, dot(xyz, p) = w; (0, 0, 0, 0): several surfaces; (0, 0, 0, 1): no record
+layout(location = 1) out vec4 out_plane;       // plane, dot(xyz, p) = w; 0 0 0 0: several surfaces; 0 0 0 1: no record
 
 void main()
 {

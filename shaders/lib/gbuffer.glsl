@@ -4,7 +4,7 @@
 #include "lib/texel.glsl"
 
 uniform sampler2D position;  // world space, metres; w: depth along the view axis, metres, 0 without a surface
-uniform sampler2D normal;    // unit shading normal, world space; w, and w of albedo: the octahedral coordinates of the geometric normal
+uniform sampler2D normal;    // unit shading normal, world space; w here and in albedo: octahedral geometric normal
 
 // Return the unit geometric normal at a pixel, on the viewer's side.
 vec3 geometric_normal_at(ivec2 pixel)

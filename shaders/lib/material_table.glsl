@@ -41,8 +41,8 @@ vec2 texture_coordinates(Vertex point, vec4 across, vec4 down, float margin)
 }
 
 // Return the mean of a texture over a footprint: colour times alpha, and alpha. row: the first row of the texture in the table.
-// uv_area: area of the footprint in both sets of texture coordinates. The texels of the sampled level are as large as the footprint
-// (Williams 1983).
+// uv_area: area of the footprint in both sets of texture coordinates. The texels of the sampled level are as large as the
+// footprint (Williams 1983).
 vec4 texture_mean(Vertex point, int row, vec2 uv_area)
 {
     int material = int(point.material);
@@ -55,8 +55,8 @@ vec4 texture_mean(Vertex point, int row, vec2 uv_area)
 }
 #endif
 
-// Return the area that `area` m² of the triangle a, b, c cover in both sets of texture coordinates. The whole triangle is the limit,
-// because neighbouring texels of the image may belong to another surface.
+// Return the area that `area` m² of the triangle a, b, c cover in both sets of texture coordinates. The whole triangle is the
+// limit, because neighbouring texels of the image may belong to another surface.
 vec2 texture_area(float area, Vertex a, Vertex b, Vertex c)
 {
     vec4 u = b.uv - a.uv, v = c.uv - a.uv;

@@ -2,7 +2,7 @@
 const float SAME_SURFACE_COSINE = 0.8;  // least cosine of the angle between the normals
 const float SAME_SURFACE_RISE = 0.25;   // greatest distance from the mean tangent plane, as a share of the distance of the points
 
-// Return a number for a unit normal. It differs between the six sides of a box, and for nearly all pairs of very different normals.
+// Return a number for a unit normal. It differs between the six sides of a box, and for most pairs of very different normals.
 float facing_of(vec3 n)
 {
     return dot(n, vec3(0.9, 0.5, 0.2));

@@ -3,7 +3,7 @@
 #include "lib/table.glsl"
 #include "lib/texel.glsl"
 
-uniform sampler2D face_planes;  // one texel per triangle, TABLE_COLUMNS per row: unit normal n of the front, and n·p of any point p, metres
+uniform sampler2D face_planes;  // one texel per triangle: unit normal n of the front, and n·p of any point p, metres
 
 // Return the plane of triangle i.
 vec4 face_plane(int i)

@@ -1,5 +1,5 @@
-// Reads of single texels, in column at.x and row at.y. The result equals that of texelFetch. Software renderers take up to a third less
-// time, because they test no bounds; shading a hit takes some 25 reads.
+// Reads of single texels, in column at.x and row at.y. The result equals that of texelFetch. Software renderers take up to a
+// third less time, because they test no bounds; shading a hit takes some 25 reads.
 vec4 texel_at(sampler2D values, ivec2 at)
 {
     return textureLod(values, (vec2(at) + 0.5) / vec2(textureSize(values, 0)), 0.0);
@@ -23,8 +23,8 @@ ivec2 texel_of_square(int i, int side)
     return ivec2(i - row * side, row);
 }
 
-// Return the sampled pixel of a square of side² pixels; square: column and row of the square in a grid of squares. The position differs
-// between neighbouring squares, so that the samples do not miss thin strips. Floats, as above.
+// Return the sampled pixel of a square of side² pixels; square: column and row of the square in a grid of squares. The position
+// differs between neighbouring squares, so that the samples do not miss thin strips. Floats, as above.
 ivec2 pixel_of_square(ivec2 square, int side)
 {
     return side * square + ivec2(mod(vec2(square.yx), float(side)));

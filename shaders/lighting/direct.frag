@@ -1,5 +1,5 @@
-// Direct light per pixel, with four dithered shadow samples per light (Jones 2010, 2.4, 3.3; METHOD.md, 9.2). SHADOW_MARKS: 1 if the
-// depth buffer marks pixels with different samples. SHADOW_RAYS: 1 for the second draw, where rays decide these pixels.
+// Direct light per pixel, with four dithered shadow samples per light (Jones 2010, 2.4, 3.3; METHOD.md, 9.2). SHADOW_MARKS: 1 if
+// the depth buffer marks pixels with different samples. SHADOW_RAYS: 1 for the second draw, where rays decide these pixels.
 #include "lib/gbuffer.glsl"
 #include "lighting/lights.glsl"
 #include "lib/material.glsl"
@@ -19,8 +19,8 @@ const float SMOOTH = 0.99999;  // cosine between geometric and interpolated norm
 #if SHADOW_RAYS
 uniform int lit;             // triangles of lower numbers can be hit by light
 
-// Return the position on the curved surface that facets approximate, for a point p of a facet: the mean of the projections of p onto the
-// tangent planes at the corners (Hanika 2021, "Hacking the Shadow Terminator"). Concave surfaces do not change.
+// Return the position on the curved surface that facets approximate, for a point p of a facet: the mean of the projections of p
+// onto the tangent planes at the corners (Hanika 2021, "Hacking the Shadow Terminator"). Concave surfaces do not change.
 vec3 curved_position(vec3 p, vec3 n, int triangle)
 {
     vec3 corner[3] = vec3[](triangle_point(triangle, 0), triangle_point(triangle, 1), triangle_point(triangle, 2));

@@ -40,7 +40,7 @@ Emitter choose_emitter(float u, vec3 eye)
     }
     u = clamp(u / importance, 0.0, 1.0);
     vec4 cluster_row = emitter_clusters[2 * cluster + 1];
-    int low = int(cluster_row.y), first = low, high = low + int(cluster_row.z) - 1;  // the first with a cumulative share of at least u
+    int low = int(cluster_row.y), first = low, high = low + int(cluster_row.z) - 1;  // the first with a share of at least u
     while (low < high)
     {
         int middle = (low + high) >> 1;

@@ -1,9 +1,9 @@
-// Clusters of emissive triangles for next-event estimation (METHOD.md, 3.8), from irrsplat/lighting/emitter_table.py. A cluster is
-// chosen by importance, and a triangle in it by power: luminance times area.
+// Clusters of emissive triangles for next-event estimation (METHOD.md, 3.8), from irrsplat/lighting/emitter_table.py. A cluster
+// is chosen by importance, and a triangle in it by power: luminance times area.
 #include "generated/constants.glsl"
 #include "lib/table.glsl"
 
-uniform vec4 emitter_clusters[2 * MAX_EMITTER_CLUSTERS];  // centre, radius²; power, number of the first triangle, number of triangles
+uniform vec4 emitter_clusters[2 * MAX_EMITTER_CLUSTERS];  // centre, radius²; power, first triangle, number of triangles
 uniform int emitter_cluster_count;
 uniform float emitter_samples;  // samples per record
 

@@ -3,8 +3,8 @@
 
 uniform sampler2D emitter_numbers;  // per triangle: density per sample in its cluster, m⁻² (0: no emitter); cluster
 
-// Return the weight of the balance heuristic (Veach and Guibas 1995) for a ray in the direction d that hits a triangle with normal g at
-// distance t. rays: rays per steradian.
+// Return the weight of the balance heuristic (Veach and Guibas 1995) for a ray in the direction d that hits a triangle with
+// normal g at distance t. rays: rays per steradian.
 float emission_weight(int triangle, vec3 eye, vec3 d, float t, vec3 g, float rays)
 {
     vec2 emitter = texel_at(emitter_numbers, table_texel(triangle)).rg;

@@ -1,15 +1,15 @@
-// Direct irradiance from all lights, with shadow maps (Jones 2010, 2.4, 3.3; METHOD.md, 9.1, 9.2). irrsplat/lighting/light_table.py
-// makes the light table and the tiles of the shadow maps. Light i has LIGHT_ROWS rows from i·LIGHT_ROWS on, see LightRow in
-// irrsplat/core/buffers.py.
+// Direct irradiance from all lights, with shadow maps (Jones 2010, 2.4, 3.3; METHOD.md, 9.1, 9.2).
+// irrsplat/lighting/light_table.py makes the light table and the tiles of the shadow maps. Light i has LIGHT_ROWS rows from
+// i·LIGHT_ROWS on, see LightRow in irrsplat/core/buffers.py.
 #include "generated/constants.glsl"
 #include "lib/texel.glsl"
 #if SHADOW_RAYS
 #include "lib/rays/bvh.glsl"
 #endif
 
-// Defines by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has the named property. Unused code
-// is not compiled, because software renderers run both sides of every branch. ANYWHERE: receivers may lie outside of the scene's
-// bounding box.
+// Defines by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has the named property.
+// Unused code is not compiled, because software renderers run both sides of every branch. ANYWHERE: receivers may lie outside of
+// the scene's bounding box.
 uniform vec4 light_table[LIGHT_ROWS * max(LIGHTS, 1)];
 uniform sampler2D shadow_depth;  // tiles of all lights, side by side
 uniform vec3 shadow_layout;      // side of a tile in texels, tiles per row, depth of perspective tiles in metres
@@ -21,8 +21,8 @@ uniform sampler2D photometry;
 
 const float BEYOND = 1e-3;  // degrees: greatest rounding of a direction beyond the ends of a photometry
 
-// Return the position of `angle` between `count` ascending angles: number of the last angle that is not greater, and fraction of the
-// interval to the next one. The angles are in texels of the photometry, from `first` in steps of `step`.
+// Return the position of `angle` between `count` ascending angles: number of the last angle that is not greater, and fraction of
+// the interval to the next one. The angles are in texels of the photometry, from `first` in steps of `step`.
 vec2 angle_position(ivec2 first, ivec2 step, int count, float angle)
 {
     int low = 0, high = count - 1;
@@ -37,7 +37,7 @@ vec2 angle_position(ivec2 first, ivec2 step, int count, float angle)
     return vec2(float(low), clamp((angle - below) / max(above - below, 1e-9), 0.0, 1.0));
 }
 
-// Return the radiant intensity of light i in the unit direction w, W/sr per unit of its colour; 1 for other lights than luminaires.
+// Return the radiant intensity of light i in the unit direction w, W/sr per unit of its colour; 1 without a luminaire.
 float luminaire_intensity(int i, vec3 w)
 {
     i *= LUMINAIRE_ROWS;
@@ -65,12 +65,12 @@ struct Receiver
     vec3 p;  // position, world space, metres
     vec3 n;  // unit shading normal, on the viewer's side
     vec3 g;  // unit geometric normal, on this side
-    float rise;  // bias in texels: FLAT, or CURVED if neighbouring facets may rise above the plane. Records use FLAT, because they sum the
-                 // leaks of CURVED.
+    float rise;  // bias in texels: FLAT, or CURVED if neighbouring facets may rise above the plane. Records sum
+                 // the leaks of CURVED, and use FLAT.
 };
 
-// A receiver in the coordinates of a shadow tile. Depth is 0..1 in a parallel tile, and -1/z in a perspective tile. Both increase away from
-// the light, and are affine in x and y on a plane.
+// A receiver in the coordinates of a shadow tile. Depth is 0..1 in a parallel tile, and -1/z in a perspective tile. Both increase
+// away from the light, and are affine in x and y on a plane.
 struct Projected
 {
     int tile;         // number of the tile
@@ -93,8 +93,8 @@ const float CURVED = 0.5;     // texels: in a concave fold, the next facet rises
 const float SEPARATION = 2.0; // in sizes of a texel, plus three texels of slope
 const float STRAIGHT = 0.9999;  // least cosine between interpolated and geometric normal on a flat surface
 
-// Return the depth of the receiver's tangent plane minus the stored depth, `offset` texels from the receiver: positive for an occluder. The
-// plane's depth is that at the texel's centre, so that a plane does not shadow itself at any slope.
+// Return the depth of the receiver's tangent plane minus the stored depth, `offset` texels from the receiver: positive for an
+// occluder. The plane's depth is that at the texel's centre, so that a plane does not shadow itself at any slope.
 float shadow_gap(Projected r, vec2 offset)
 {
     vec2 texel = clamp(floor(r.texel + offset), vec2(0.0), vec2(shadow_layout.x - 1.0));
@@ -149,7 +149,7 @@ float shadow_ray(int i, Receiver r)
 bool undecided = false;  // true if the shadow samples of a light differ, so that a ray must decide
 #endif
 
-// Return the lit share, 0..1, of `taps` dithered shadow samples of light i. rotation: cosine and sine of the rotation of their pattern.
+// Return the lit share, 0..1, of `taps` dithered shadow samples of light i. rotation: cosine and sine of their rotation.
 float visibility(int i, Receiver r, int taps, vec2 rotation)
 {
     int row = i * LIGHT_ROWS;
@@ -178,7 +178,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
         if (parallel ? any(greaterThan(abs(t.q.xy), vec2(1.0))) : t.q.z <= 0.0) return 1.0;
     }
 #endif
-    float side = shadow_layout.x, width = 2.0 / (side * cone.w);  // width of a texel, metres; in a perspective tile at a distance of 1 m
+    float side = shadow_layout.x, width = 2.0 / (side * cone.w);  // width of a texel, metres; perspective: at distance 1
     float line = floor((float(t.tile) + 0.5) / shadow_layout.y);  // floats, because integer division is slow on software renderers
     t.corner = vec2(float(t.tile) - line * shadow_layout.y, line) * side;
     t.texel = (((parallel ? t.q.xy : t.q.xy / t.q.z) * 0.5 + 0.5) * side);
@@ -194,9 +194,9 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     t.separation = SEPARATION * bias + 3.0 * slope + rounding;
     if (taps == 1)
     {
-        // The texel of a flat receiver shows the receiver, or the texel's centre lies past an edge. In the latter case, the diagonal
-        // neighbour in the direction of the point's quarter lies inside of the edge. Software renderers always read three texels; if
-        // the first one decides, the other reads repeat it from the processor's cache.
+        // The texel of a flat receiver shows the receiver, or the texel's centre lies past an edge. In the latter case, the
+        // diagonal neighbour in the direction of the point's quarter lies inside of the edge. Software renderers always read
+        // three texels; if the first one decides, the other reads repeat it from the processor's cache.
         float gap = shadow_gap(t, vec2(0.0));
         bool decides = gap >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.separation);
         vec2 inward = decides ? vec2(0.0) : sign(fract(t.texel) - 0.5);
@@ -206,8 +206,8 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
         return float(decides || neighbour < -t.separation ? gap <= t.tolerance : neighbour <= rounding);
     }
 #if SHADOW_RAYS || SHADOW_MARKS
-    // The receiver is lit if all four texels around it show its plane, and in shadow if all four show an occluder. Otherwise a ray
-    // decides, in a second draw, because a loop would make the whole program slow on software renderers.
+    // The receiver is lit if all four texels around it show its plane, and in shadow if all four show an occluder. Otherwise a
+    // ray decides, in a second draw, because a loop would make the whole program slow on software renderers.
     vec4 gaps = vec4(shadow_gap(t, vec2(-0.5)), shadow_gap(t, vec2(0.5, -0.5)), shadow_gap(t, vec2(-0.5, 0.5)), shadow_gap(t, vec2(0.5)));
     bool lit = all(lessThanEqual(gaps, vec4(t.tolerance))) && all(greaterThanEqual(gaps, vec4(-t.separation)));
     bool dark = all(greaterThan(gaps, vec4(t.separation)));
@@ -226,8 +226,8 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     return share;
 #endif
 #else
-    // lit.y counts texels that show the receiver. A texel past an edge of the receiver shows a surface far behind: in a corner of two thin
-    // walls, this surface lies outdoors, and the texel would light one wall through the other.
+    // lit.y counts texels that show the receiver. A texel past an edge of the receiver shows a surface far behind: in a corner of
+    // two thin walls, this surface lies outdoors, and the texel would light one wall through the other.
     mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
     vec2 lit = vec2(0.0);
     for (int s = 0; s < taps; ++s)

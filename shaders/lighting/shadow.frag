@@ -1,5 +1,5 @@
-// The depth of a shadow tile: distance along the tile's axis. Linear depth has equal precision at all distances. CUT_OUTS: 1 for surfaces
-// with holes.
+// The depth of a shadow tile: distance along the tile's axis. Linear depth has equal precision at all distances. CUT_OUTS: 1 for
+// surfaces with holes.
 #if CUT_OUTS
 #include "generated/interpolated.glsl"
 #include "lib/rays/cut_outs.glsl"

@@ -1,5 +1,5 @@
-// Direct irradiance at sites of the surface cache: the mean over a disc with the area that a site represents, because the spot of a light
-// close to a wall may lie between sites.
+// Direct irradiance at sites of the surface cache: the mean over a disc with the area that a site represents, because the spot of
+// a light close to a wall may lie between sites.
 #include "lighting/lights.glsl"
 #include "lib/normals.glsl"
 

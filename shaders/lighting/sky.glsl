@@ -1,5 +1,5 @@
-// The radiance of the sky: linear in the height of the direction, or with SKY_MAP a map (METHOD.md, 1, 9.3). irrsplat/lighting/sky.py
-// sets the uniforms.
+// The radiance of the sky: linear in the height of the direction, or with SKY_MAP a map (METHOD.md, 1, 9.3).
+// irrsplat/lighting/sky.py sets the uniforms.
 #include "generated/constants.glsl"
 
 #if SKY_MAP

@@ -1,5 +1,5 @@
-// The approximate number of pixels that a record covers in a view, for the order of refreshes (METHOD.md, 13). A fragment is a record.
-// Samples of the g-buffer in the record's bounding box on screen estimate the number.
+// The approximate number of pixels that a record covers in a view, for the order of refreshes (METHOD.md, 13). A fragment is a
+// record. Samples of the g-buffer in the record's bounding box on screen estimate the number.
 #include "records/view_radius.glsl"
 
 uniform sampler2D position;  // g-buffer

@@ -1,7 +1,7 @@
 // The limit of a record's radii by inter-record differences, as a share of the radii (METHOD.md, 5.5). A fragment is a record.
-// The record extrapolates to its neighbours, and is compared with their irradiance. The relative difference is assumed to grow with the
-// square of the distance. The limit is the distance at which the difference reaches `adapt` (after Křivánek et al. 2006, "Making
-// Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
+// The record extrapolates to its neighbours, and is compared with their irradiance. The relative difference is assumed to grow
+// with the square of the distance. The limit is the distance at which the difference reaches `adapt` (after Křivánek et al. 2006,
+// "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
 #include "records/weight.glsl"
 #include "records/record.glsl"
 #include "records/point_grid.glsl"
@@ -13,8 +13,8 @@ uniform bool by_all;        // true if all records are compared; false: only wit
 
 layout(location = 0) out float out_limit;
 
-// COMPARED_WITHIN, from radius_limit_pass.py, is the greatest distance of compared records, in radii a·R. It is more than 1, because only
-// one of two records may cover a point between them.
+// COMPARED_WITHIN, from radius_limit_pass.py, is the greatest distance of compared records, in radii a·R. It is more than 1,
+// because only one of two records may cover a point between them.
 const float COMPARABLE_COSINE = 0.7;  // least cosine between the normals of compared records
 const float NOISE_ERRORS = 2.0;  // standard errors of noise that do not count: the greatest of many differences would be noise
 

@@ -25,16 +25,17 @@ bool record_enclosed(ivec2 texel)
 #endif
 }
 
-// Return the second derivatives along the record's axis and across it, as shares of the irradiance, 1/m²; 0 if unknown, or without
-// `hessian`.
+// Return the second derivatives along the record's axis and across it, as shares of the irradiance, 1/m²; 0 if unknown, or
+// without `hessian`.
 vec2 usable_curvature(ivec2 texel)
 {
     return hessian && record_axis(texel) != vec3(0.0) ? record_curvature(texel) : vec2(0.0);
 }
 
-// Return the radii R of a record, before the factor a. With second derivatives, the error of the first-order expansion, ½·|E''|·d²,
-// reaches a² of the error scale at d = a·R: R = √(2·E/|E''|) (after Schwarzhaupt, Jensen and Jarosz 2012, "Practical Hessian-Based Error
-// Control for Irradiance Caching"). Without second derivatives, R is R_k, and at most E/|∇E| (Křivánek et al. 2006).
+// Return the radii R of a record, before the factor a. With second derivatives, the error of the first-order expansion,
+// ½·|E''|·d², reaches a² of the error scale at d = a·R: R = √(2·E/|E''|) (after Schwarzhaupt, Jensen and Jarosz 2012, "Practical
+// Hessian-Based Error Control for Irradiance Caching"). Without second derivatives, R is R_k, and at most E/|∇E| (Křivánek et al.
+// 2006).
 Ellipse record_ellipse(ivec2 texel)
 {
     vec3 n = record_normal(texel);

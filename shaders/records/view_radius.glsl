@@ -1,4 +1,5 @@
-// The radii of a record in a view: the record's radii, clamped to bounds that depend on the distance from the eye (METHOD.md, 5.4).
+// The radii of a record in a view: the record's radii, clamped to bounds that depend on the distance from the eye (METHOD.md,
+// 5.4).
 #include "records/weight.glsl"
 #include "records/record.glsl"
 
@@ -12,8 +13,8 @@ float view_radius(float R, float distance)
     return radius_bounds.y > 0.0 ? min(r, radius_bounds.y * distance) : r;
 }
 
-// Return the ellipse of radii a·R of the record at `texel`, with its limit and the bounds of the view. trust: ratio of the record's to
-// the returned radii, at most 1; it is less than 1 if the least radius of the view is greater than the record's.
+// Return the ellipse of radii a·R of the record at `texel`, with its limit and the bounds of the view. trust: ratio of the
+// record's to the returned radii, at most 1; it is less than 1 if the least radius of the view is greater than the record's.
 Ellipse view_ellipse(ivec2 texel, float distance, out float trust)
 {
     Ellipse record = record_ellipse(texel);

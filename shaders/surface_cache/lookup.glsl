@@ -5,8 +5,8 @@
 uniform sampler2D surface_triangles;  // per triangle: n steps per edge, number of the first cell. For n² parts: -n, number of the first part;
                                       // for n strips across the edges at corner k: -n - (k + 1)/4
 uniform sampler2D surface_cells;      // two texels per cell, front and back: xyz numbers of the values at the corners (-1: none); w: 0 if
-                                      // all corners see each other; else an object occludes part of the cell, and w is the number of
-                                      // the item with the lines beyond which corners are hidden
+                                      // all corners see each other; else an object occludes part of the cell, and w is the number
+                                      // of the item with the lines beyond which corners are hidden
 uniform sampler2D surface_values;     // rgb: E, W/m²; a: extent of the surface that a value represents, metres
 uniform int surface_known;            // 1 if there are values; 0: all lookups use the first triangle
 
@@ -17,8 +17,8 @@ struct Lookup
     vec3 weights;
 };
 
-// Return 1 for each corner of a cell that is visible from the point with these weights, else 0. item: the item of surface_cells with the
-// lines, see _borders in site_layout.py.
+// Return 1 for each corner of a cell that is visible from the point with these weights, else 0. item: the item of surface_cells
+// with the lines, see _borders in site_layout.py.
 vec3 surface_visible_corners(int item, vec3 weights)
 {
     // factors on the weights of the next corner and of the one after it
@@ -36,8 +36,8 @@ vec3 surface_visible_corners(int item, vec3 weights)
     return vec3(lessThanEqual(reach, vec3(max(least, 1.0))));
 }
 
-// Return the number of the cell with the point uv in a lattice of n rows, and the weights of its corners. uv: steps along the two edges
-// from the first corner.
+// Return the number of the cell with the point uv in a lattice of n rows, and the weights of its corners. uv: steps along the two
+// edges from the first corner.
 int surface_cell(vec2 uv, int n, out vec3 weights)
 {
     int j = min(int(uv.y), n - 1), i = min(int(uv.x), n - 1 - j);
@@ -47,8 +47,8 @@ int surface_cell(vec2 uv, int n, out vec3 weights)
     return j * (2 * n - j) + 2 * i + int(odd);
 }
 
-// Return the number of the part with a point in a sliver of n strips, and the barycentric coordinates in this part. apex: the corner
-// between the long edges.
+// Return the number of the part with a point in a sliver of n strips, and the barycentric coordinates in this part. apex: the
+// corner between the long edges.
 int surface_strip(vec3 barycentric, int n, int apex, out vec3 inner)
 {
     vec2 uv = float(n) * (apex == 0 ? barycentric.yz : apex == 1 ? barycentric.zx : barycentric.xy);

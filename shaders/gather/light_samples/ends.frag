@@ -2,7 +2,7 @@
 #include "gather/light_samples/sample.glsl"
 #include "gather/places.glsl"
 
-layout(location = 0) out vec4 out_to_source;  // vector from the eye to the source, metres; w: 1 if the source can contribute, else 0
+layout(location = 0) out vec4 out_to_source;  // vector from the eye to the source, metres; w: 1 if it can contribute
 
 void main()
 {

@@ -72,8 +72,8 @@ vec3 source_radiance(Source source)
     return source.L;
 }
 #else
-// Return sample s of a lattice in the unit square, shifted from record to record. The first axis selects an emissive triangle, the
-// remainder of this axis and the second axis a point on the triangle.
+// Return sample s of a lattice in the unit square, shifted from record to record. The first axis selects an emissive triangle,
+// the remainder of this axis and the second axis a point on the triangle.
 Source source_of(float s, Viewpoint receiver)
 {
     Emitter emitter = choose_emitter(fract(s / emitter_samples + receiver.shift.x) * receiver.importance, receiver.eye);

@@ -1,7 +1,8 @@
-// Next-event estimation: the contribution of light sources to the sums of a block of a record, by shadow rays (METHOD.md, 3.8). The
-// balance heuristic weights each sample against rays that hit the source (lighting/emitters_hit.glsl, lighting/virtual_lights/hit.glsl).
-// For records with derivatives, additional eyes on a circle test the samples, too: differences of visibility give its derivatives.
-// SEEN: 1 if Embree has traced the shadow rays. The outputs are those of gather/reduce_blocks.frag.
+// Next-event estimation: the contribution of light sources to the sums of a block of a record, by shadow rays (METHOD.md, 3.8).
+// The balance heuristic weights each sample against rays that hit the source (lighting/emitters_hit.glsl,
+// lighting/virtual_lights/hit.glsl). For records with derivatives, additional eyes on a circle test the samples, too: differences
+// of visibility give its derivatives. SEEN: 1 if Embree has traced the shadow rays. The outputs are those of
+// gather/reduce_blocks.frag.
 #include "gather/light_samples/sample.glsl"
 #if !SEEN
 #include "lib/rays/bvh.glsl"
@@ -29,7 +30,7 @@ layout(location = 6) out vec4 out_g_g;
 layout(location = 7) out vec4 out_g_b;
 #endif
 
-// Return the offset of eye k from the record's eye, world space, metres. Eye 0 is the record's eye, eyes from 1 on lie on the circle.
+// Return the offset of eye k from the record's eye, world space, metres. Further eyes lie on the circle.
 vec3 eye_offset(int k, Viewpoint receiver)
 {
     float angle = float(k - 1) * (2.0 * PI / float(EYES_BESIDE));

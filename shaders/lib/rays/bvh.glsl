@@ -12,9 +12,10 @@ uniform int bvh_count;           // nodes per octant of ray directions; in each 
 uniform vec3 bvh_start;          // world position of grid coordinate 0 of the boxes, metres
 uniform vec3 bvh_step;           // metres per step of the grid
 
-// Return the nearest hit of the ray from o in the unit direction d between `nearest` and `farthest` metres; t is `farthest` without a
-// hit. A software renderer runs both branches of an `if` for a group of rays, but a loop only as often as the longest ray
-// needs. The inner loop therefore visits boxes only, and ends at a leaf, where rays wait for each other (Aila and Laine 2009).
+// Return the nearest hit of the ray from o in the unit direction d between `nearest` and `farthest` metres; t is `farthest`
+// without a hit. A software renderer runs both branches of an `if` for a group of rays, but a loop only as often as the longest
+// ray needs. The inner loop therefore visits boxes only, and ends at a leaf, where rays wait for each other (Aila and Laine
+// 2009).
 Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
 {
     Hit hit = Hit(farthest, vec3(0.0), 0);
@@ -63,8 +64,8 @@ Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
     return hit;
 }
 
-// Return true if no triangle blocks the segment from the eye along `to_point`, r metres long. No ray is traced unless `possible`, or if
-// r is 0 (unused cells of an atlas).
+// Return true if no triangle blocks the segment from the eye along `to_point`, r metres long. No ray is traced unless `possible`,
+// or if r is 0 (unused cells of an atlas).
 bool bvh_segment_free(vec3 eye, vec3 to_point, float r, bool possible)
 {
     float end = possible && r > 0.0 ? r * (1.0 - SHORT) : -1.0;  // -1: the ray enters no box, wherever the eye is

@@ -1,8 +1,8 @@
 // The point where a ray hits the triangle that Embree found.
 #include "lib/rays/hit.glsl"
 
-// Return the hit of the ray from o in the unit direction d on its first triangle; -1: no hit. The hit lies on the triangle, even if
-// rounding makes the ray miss the triangle.
+// Return the hit of the ray from o in the unit direction d on its first triangle; -1: no hit. The hit lies on the triangle, even
+// if rounding makes the ray miss the triangle.
 Hit known_hit(vec3 o, vec3 d, int triangle)
 {
     bool none = triangle < 0;

@@ -1,18 +1,18 @@
-// Candidates for virtual point lights: the first hits of rays from lights (METHOD.md, 3.8). A fragment is a ray; each light has `sets`
-// rows. The rays of each row, and those of all rows of a light, are uniform over the light's cone, the sphere, or the window of a
-// directional light.
+// Candidates for virtual point lights: the first hits of rays from lights (METHOD.md, 3.8). A fragment is a ray; each light has
+// `sets` rows. The rays of each row, and those of all rows of a light, are uniform over the light's cone, the sphere, or the
+// window of a directional light.
 #include "generated/constants.glsl"
 #include "lib/rays/bvh.glsl"
 #include "lib/normals.glsl"
 
-uniform sampler2D lights;  // three texels per light: position, w 0; axis of the cone, 1 - cosine of the half angle, 2 for the sphere.
+uniform sampler2D lights;  // three texels per light: position, w 0; axis of the cone, 1 - cosine of the half angle (sphere: 2).
                           // Directional lights: corner of the window, w 1; first edge; second edge
 uniform float rays;       // rays per row
 uniform int further;      // rays from each first hit of a directional light's rays
 uniform int sets;         // rows per light
 uniform float near;       // least distance of a hit, metres
 
-layout(location = 0) out vec4 out_place;   // position, metres; distance from a point light, or length of the longest further ray, metres
+layout(location = 0) out vec4 out_place;   // position; distance from a point light, or length of the longest further ray; metres
 layout(location = 1) out vec4 out_normal;  // geometric normal on the side of the light; triangle
 layout(location = 2) out vec4 out_share;   // barycentric coordinates; cosθ/d², or cosθ for a directional light; 0: no hit
 

@@ -1,4 +1,5 @@
-// The weight of direct light at a ray's hit (METHOD.md, 3.8); virtual point lights (irrsplat/lighting/virtual_lights.py) add the rest.
+// The weight of direct light at a ray's hit (METHOD.md, 3.8). Virtual point lights (irrsplat/lighting/virtual_lights.py) add the
+// remainder.
 uniform vec4 virtual_lights[max(LIGHTS, 1)];  // per light: rays per steradian, squared greatest distance of virtual point lights,
                                               // m² (0: none)
 #if LIGHTS_PARALLEL
@@ -6,8 +7,8 @@ uniform vec4 virtual_windows[LIGHTS];         // directional lights (with rays p
                                               // window of the rays, metres in the shadow map's axes
 #endif
 
-// Return the weight of the balance heuristic (Veach and Guibas 1995) for a hit at p on a surface with normal g. to_hit: vector from the
-// eye, metres. rays: rays per steradian. spread: see light_irradiance.
+// Return the weight of the balance heuristic (Veach and Guibas 1995) for a hit at p on a surface with normal g. to_hit: vector
+// from the eye, metres. rays: rays per steradian. spread: see light_irradiance.
 float light_weight(int light, vec3 p, float spread, vec3 to_hit, vec3 g, float rays)
 {
     vec2 source = virtual_lights[light].xy;

@@ -33,9 +33,9 @@ vec4 moved(vec4 clip, vec2 pixels)
 // Share of a disc's radius that may lie behind the visible surface, since a tangent disc dips into a curved surface.
 const float DIP = 0.05;
 
-// Return the distance in metres by which a point of a disc is hidden, negative for a visible point. A surface in front of the disc's
-// plane hides the disc, and so does a surface nearer to the eye by more than the disc's radius. A test of depths alone is not
-// enough, see plane.frag. Vertices are tested, since a test of all pixels costs a software renderer half as much again.
+// Return the distance in metres by which a point of a disc is hidden, negative for a visible point. A surface in front of the
+// disc's plane hides the disc, and so does a surface nearer to the eye by more than the disc's radius. A test of depths alone is
+// not enough, see plane.frag. Vertices are tested, since a test of all pixels costs a software renderer half as much again.
 float hidden_by(vec4 clip, vec3 point, vec3 facing, float radius)
 {
     vec2 at = (0.5 + 0.5 * clip.xy / clip.w) * vec2(textureSize(position, 0));

@@ -20,8 +20,8 @@ layout(location = 0) out vec4 out_color;
 const float LINE = 0.35;  // factor on the colour of a line
 const float WIDTH = 0.8;  // half the width of a line, pixels
 
-// Return true if p lies behind the plane of the visible surface at the pixel, by more than a pixel's size. A test of depths alone is not
-// enough: at grazing angles depths differ much from pixel to pixel, and a surface would hide its own markers.
+// Return true if p lies behind the plane of the visible surface at the pixel, by more than a pixel's size. A test of depths alone
+// is not enough: at grazing angles depths differ much from pixel to pixel, and a surface would hide its own markers.
 bool hidden(vec3 p, ivec2 at)
 {
     at = clamp(at, ivec2(0), textureSize(position, 0) - 1);
