@@ -4,12 +4,14 @@
 // "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
 #include "records/weight.glsl"
 #include "records/record.glsl"
-#include "records/point_grid.glsl"
 
 uniform float adapt;        // allowed relative difference at the rim of a record's ellipse
 uniform sampler2D targets;  // numbers of the records to limit, one per texel, row by row
 uniform int count;          // number of records to limit
 uniform bool by_all;        // true if all records are compared; false: only with records of lower numbers, which are older
+uniform sampler2D others;   // compared records in ascending order along `axis`: xyz position, w number
+uniform int axis;           // 0, 1 or 2 for x, y or z
+uniform ivec2 span;         // compared records of this draw: the first one, and the one after the last
 
 layout(location = 0) out float out_limit;
 
@@ -17,6 +19,25 @@ layout(location = 0) out float out_limit;
 // because only one of two records may cover a point between them.
 const float COMPARABLE_COSINE = 0.7;  // least cosine between the normals of compared records
 const float NOISE_ERRORS = 2.0;  // standard errors of noise that do not count: the greatest of many differences would be noise
+
+vec4 neighbour_at(int i)
+{
+    return texelFetch(others, table_texel(i), 0);
+}
+
+// Return the first record of the span whose coordinate along the axis is at least `least`, by bisection.
+int first_from(float least)
+{
+    int low = span.x, high = span.y;
+    while (low < high)
+    {
+        int middle = (low + high) / 2;
+        bool below = neighbour_at(middle)[axis] < least;
+        low = below ? middle + 1 : low;
+        high = below ? high : middle;
+    }
+    return low;
+}
 
 void main()
 {
@@ -35,14 +56,13 @@ void main()
     curvature = usable_curvature(texel);
 #endif
     float limit = 1.0, range = requested ? COMPARED_WITHIN * a * max(R.x, R.y) * 1.0001 : -1e30;
-    Walk walk = grid_walk(p - range, p + range);
-    vec4 neighbour;
-    bool found;
-    while (grid_step(walk, found, neighbour))
+    for (int i = first_from(p[axis] - range); i < span.y; ++i)
     {
+        vec4 neighbour = neighbour_at(i);
+        if (neighbour[axis] > p[axis] + range) break;
         vec3 offset = neighbour.xyz - p;
         float distance = record_distance(offset, ellipse.axis, R);
-        if (!found || !by_all && int(neighbour.w) > number) continue;
+        if (!by_all && int(neighbour.w) > number) continue;
         if (distance >= COMPARED_WITHIN * a || distance <= 0.0) continue;
         ivec2 texel_j = table_texel(int(neighbour.w));
         if (record_enclosed(texel_j)) continue;

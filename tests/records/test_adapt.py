@@ -196,9 +196,9 @@ def test_turned_off_and_on_again() -> None:
 
 
 def test_the_limits_of_many_are_those_of_the_few_near_them(ctx: moderngl.Context) -> None:
-    """More records than one grid holds, in distant rooms: each room has the limits it would have alone, for any parts.
+    """More records than one draw compares with, in distant rooms: each room has the limits it would have alone, for any parts.
 
-    Some rooms' records arrive late, and some rooms' first records are removed, so that grids are rebuilt.
+    Some rooms' records arrive late. Removed records leave nothing behind.
     """
     settings, many = replace(BASE, weights="paper"), 45
     rooms = [Made(ctx, 900, seed) for seed in (1, 2, 3)]
