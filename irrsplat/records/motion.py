@@ -12,11 +12,9 @@ from irrsplat.core.vectors import unit
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Mesh
-from irrsplat.scene.spatial.solids import in_box
+from irrsplat.scene.spatial.solids import enclosed, in_box
 
-_INSIDE = 0.3  # winding number above which a point lies within a mesh
 _LIFT = 1e-3  # of a mesh's diagonal: height above its surface of the tested point
-_AT_ONCE = 1 << 18  # pairs of a point and a triangle
 _ON_IT = 0.3  # for points on a moved mesh: all their surroundings move relative to them, though most are far away
 _LEAST_CONCERN = 0.01  # for points that do not see a moved mesh, but may see its shadow
 _RIGID = 1e-3  # greatest deviation from a rotation that rounding of triangles gives the map of a rigid motion
@@ -35,7 +33,7 @@ def _of_moved(triangle: np.ndarray, change: SceneChange) -> Iterator[tuple[Mesh,
 
 
 def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, change: SceneChange) -> np.ndarray:
-    """Return (N,) True for points with normals (N, 3) that lie within a moved mesh but not on it, or on a vanished mesh.
+    """Return (N,) True for points with normals (N, 3) that a moved mesh encloses, but that are not on it, or on a vanished mesh.
 
     triangle: (N,) numbers of the points' triangles; -1: not known. Points without triangle count if they lie in the former
     bounding box of a moved mesh.
@@ -46,23 +44,8 @@ def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, ch
         lift = _LIFT * float(np.linalg.norm(np.ptp(new.positions, axis=0)))
         found |= own & new.is_point
         near = np.flatnonzero(~own & ~found & in_box(position, new, lift))
-        found[near] = np.abs(winding(position[near] + lift * normal[near], new)) > _INSIDE
+        found[near] = enclosed(position[near] + lift * normal[near], normal[near], new)
     return found
-
-
-def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """Return (N,) the winding number of a mesh around points (N, 3): 1 within a closed mesh, 0 outside; less for an open one.
-
-    The sum of its triangles' solid angles (van Oosterom and Strackee 1983) over 4π.
-    """
-    sums = np.zeros(len(position))
-    step = max(1, _AT_ONCE // max(len(position), 1))
-    for start in range(0, len(mesh.faces), step):
-        a, b, c = (mesh.positions[mesh.faces[start : start + step]].astype(float)[:, k] - position[:, None] for k in range(3))
-        x, y, z = (np.linalg.norm(v, axis=-1) for v in (a, b, c))
-        volume = (a * np.cross(b, c)).sum(-1)
-        sums += np.arctan2(volume, x * y * z + (a * b).sum(-1) * z + (b * c).sum(-1) * x + (c * a).sum(-1) * y).sum(1)
-    return sums / (2.0 * np.pi)
 
 
 def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, change: SceneChange) -> np.ndarray:
