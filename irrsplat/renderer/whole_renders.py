@@ -42,30 +42,30 @@ class WholeRenders:
 
     # ---- a view ----------------------------------------------------------------------------------------------------
 
-    def filled(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
-        """Return the last round of a view, and its statistics, see Renderer.converge."""
-        frames = self.frames
+    def filled(self, camera: Camera, progress: OnRound | None, gather: bool = True) -> tuple[Round, Statistics]:
+        """Return the last round of a view, and its statistics, see Renderer.converge. gather: False leaves the cache as it is."""
+        frames, start = self.frames, time.perf_counter()
+        stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0, "error": None}
         frames.timers.clear()
-        # every pixel from the start: strided sums need fewer operations, and further rounds
-        view = replace(frames.view_state(frames.state, camera), pixel_stride=1, stalled_rounds=0)
-        frames.state = replace(frames.state, view=view)
-        start = time.perf_counter()
-        done, stats = self._until_complete(camera, progress)
-        if done is None or not stats["converged"]:  # the records of the last round are still to be splatted
-            view, _ = frames.scheduler.limit_radii(frames.view_state(frames.state, camera), last=True)
-            frames.state = replace(frames.state, view=view)
-            frames.state, done = frames.round(frames.state, camera, Budget(None), gather=False)
-            stats["coverage"] = done.progress.coverage
+        if gather:
+            done = self._until_complete(camera, progress, stats)
+        else:
+            done = frames.frozen(camera)
+            stats["converged"], stats["coverage"] = done.progress.coverage == 1.0, done.progress.coverage
+            if progress is not None:
+                progress(done.progress)
         self.ctx.finish()
         return done, stats | {"records": self.cache.count, "seconds": time.perf_counter() - start}
 
-    def _until_complete(self, camera: Camera, progress: OnRound | None) -> tuple[Round | None, Statistics]:
-        """Return the round without requests, or the last round that the settings allow; None before the first.
+    def _until_complete(self, camera: Camera, progress: OnRound | None, stats: Statistics) -> Round:
+        """Return the round without requests, or the last round that the settings allow. Fill its `stats`.
 
         Ctrl-C ends the rounds with the records of the last complete one.
         """
-        frames, cache = self.frames, self.cache
-        stats, complete, ended, done = _no_rounds(), cache.count + cache.evicted, False, None
+        frames, cache, done, ended = self.frames, self.cache, None, False
+        # every pixel from the start: strided sums need fewer operations, and further rounds
+        view = replace(frames.view_state(frames.state, camera), pixel_stride=1, stalled_rounds=0)
+        frames.state, complete = replace(frames.state, view=view), cache.count + cache.evicted
         try:
             while not ended and stats["rounds"] < MOST_ROUNDS and not frames.state.view.stalled:
                 frames.state, done = frames.round(frames.state, camera, Budget(None))
@@ -78,20 +78,12 @@ class WholeRenders:
         except KeyboardInterrupt:
             stats["interrupted"] = True
             cache.truncate(complete - cache.evicted)
-        return done, stats
-
-    def _frozen(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
-        """Return the round of a view by the present records, and its statistics, see Renderer.converge."""
-        frames, stats = self.frames, _no_rounds()
-        frames.timers.clear()
-        start = time.perf_counter()
-        done = frames.frozen(camera)
-        self.ctx.finish()
-        now = done.progress
-        if progress is not None:
-            progress(now)
-        stats["converged"], stats["coverage"] = now.coverage == 1.0, now.coverage
-        return done, stats | {"records": now.records, "seconds": time.perf_counter() - start}
+        if done is None or not stats["converged"]:  # the records of the last round are still to be splatted
+            view, _ = frames.scheduler.limit_radii(frames.view_state(frames.state, camera), last=True)
+            frames.state = replace(frames.state, view=view)
+            frames.state, done = frames.round(frames.state, camera, Budget(None), gather=False)
+            stats["coverage"] = done.progress.coverage
+        return done
 
     def _improved(self, view: View, stats: Statistics, progress: OnRound | None) -> tuple[View, Statistics]:
         """Return a converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends the refinement early."""
@@ -122,7 +114,7 @@ class WholeRenders:
         tiled = frames.state if self.stages.gbuffer is not None else fitting(frames.state, self.ctx, wanted)
         frames.leave_refinement()
         album = PaperFigures(partial(self.stages.splatted, frames.state, camera), progress)
-        rounds = partial(self.filled if gather else self._frozen, camera, album if figures else progress)
+        rounds = partial(self.filled, camera, album if figures else progress, gather)
         if tiled.tile:
             check_tiled(tiled, figures)
             with self._tiles_of(tiled.tile):
@@ -196,8 +188,3 @@ class WholeRenders:
         """Raise GLError after an error of OpenGL, unless other code uses the context."""
         if self.checked:
             context.check_errors(self.ctx)
-
-
-def _no_rounds() -> Statistics:
-    """Return the progress of a render before its first round."""
-    return {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0, "error": None}
