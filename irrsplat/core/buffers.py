@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from irrsplat.core import record_layout
-from irrsplat.core.material_layout import PROPERTIES
 
 if TYPE_CHECKING:
     import moderngl
@@ -122,8 +121,8 @@ class GBuffer:
 
     @property
     def material_uniforms(self) -> Uniforms:
-        """Uniforms of generated/gbuffer_material.glsl."""
-        return {one.name: getattr(self, one.name) for one in PROPERTIES}
+        """Uniforms of shaders/image/gbuffer_material.glsl."""
+        return {"albedo": self.albedo, "emission": self.emission}
 
 
 class LightRow(IntEnum):
@@ -140,6 +139,21 @@ class LightRow(IntEnum):
 
 LIGHT_ROWS = LightRow.TILE + 3  # of a light in the table
 LUMINAIRE_ROWS = 3  # of a light in the table of luminaires, see irrsplat/lighting/luminaire_table.py
+
+
+class MaterialRow(IntEnum):
+    """Rows of a material in the material table, in shaders as MATERIAL_EMISSION and so on."""
+
+    EMISSION = 0  # rgb emitted radiance before its texture; w: least opacity for light (light_cutoff)
+    # Three rows per texture. Rows 1 and 2: xyz dotted with (u, v, 1) gives image coordinates; w: its layer (-1: none), and the
+    # wrap along u + 3 times the wrap along v (0 repeat, 1 mirror, 2 clamp) + 9 for the second set of u and v. Row 3 without a
+    # layer: the texture's mean (1 without a texture), colours times alpha, and alpha. Row 3 with a layer of cut-outs: least alpha
+    # for light by the material's own opacity, and 1 if the layer is dithered.
+    ALBEDO_TEXTURE = 1
+    EMISSION_TEXTURE = 4
+
+
+MATERIAL_ROWS = MaterialRow.EMISSION_TEXTURE + 3
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from irrsplat.core import material_layout, record_layout, vertex_layout
-from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, LUMINAIRE_ROWS, NOTHING_SEEN, LightRow
+from irrsplat.core import record_layout, vertex_layout
+from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, LUMINAIRE_ROWS, MATERIAL_ROWS, NOTHING_SEEN, LightRow, MaterialRow
 from irrsplat.core.color import DARKEST, LUMINANCE, MID_GREY, SRGB
-from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 
 TABLE_COLUMNS = 1024  # items in a row of every table with lookup by number; a power of two
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/plane.py)
@@ -66,5 +65,4 @@ INCLUDES: dict[str, str] = {
     "generated/record_columns.glsl": record_layout.glsl_columns(),
     "generated/record_outputs.glsl": record_layout.glsl_outputs(),
     **vertex_layout.INCLUDES,
-    **material_layout.INCLUDES,
 }

@@ -1,7 +1,7 @@
 """The layout of a vertex: the table of its columns.
 
 `COLUMNS` defines the rows of scene.flatten, the attributes of the vertex buffer, the vertex table for lookup by number, and their
-GLSL (`INCLUDES`). A vertex has the material values of its mesh that vary; core/material_layout.py has the others.
+GLSL (`INCLUDES`). A vertex has the material values of its mesh that vary; the table of materials has the others.
 """
 
 from __future__ import annotations
@@ -65,72 +65,11 @@ ATTRIBUTES = tuple(f"in_{column.name}" for column in COLUMNS)
 # ---- GLSL ----------------------------------------------------------------------------------------------------------------
 
 _MADE = "made from irrsplat/core/vertex_layout.py."
-_PASSED = tuple(column for column in COLUMNS if column.name != "position")  # each shader handles the position itself
 
 
-def glsl_vertex() -> str:
-    """Return `struct Vertex`: a field for each column."""
-    return _text(f"// A vertex, or a point of a triangle, {_MADE}", "struct Vertex", "{", *map(_field, COLUMNS), "};")
-
-
-def glsl_attributes() -> str:
-    """Return GLSL for vertex shaders: the attributes except the position, and `pass_attributes()` for the fragment shader."""
-    return _text(
-        f"// The attributes of a vertex that are interpolated, {_MADE}",
-        *(f"in {c.kind} in_{c.name};" for c in _PASSED),
-        *(f"{_flat(c)}out {c.kind} v_{c.name};" for c in _PASSED),
-        "",
-        "void pass_attributes()",
-        "{",
-        *(f"    v_{c.name} = in_{c.name};" for c in _PASSED),
-        "}",
-    )
-
-
-def glsl_interpolated() -> str:
-    """Return GLSL for fragment shaders: the outputs of `pass_attributes()`, and `interpolated_vertex(position)`."""
-    values = ("position" if c.name == "position" else f"v_{c.name}" for c in COLUMNS)
-    return _text(
-        f"// The interpolated attributes of a vertex, {_MADE}",
-        '#include "generated/vertex.glsl"',
-        *(f"{_flat(c)}in {c.kind} v_{c.name};" for c in _PASSED),
-        "",
-        *_function("Vertex interpolated_vertex(vec3 position)", f"Vertex({', '.join(values)})"),
-    )
-
-
-def glsl_vertex_table() -> str:
-    """Return GLSL for vertex lookup `vertex_at(i)`, and `interpolate(weights, a, b, c)` over a triangle."""
-    blended = (
-        f"a.{c.name}" if c.flat else f"\n        weights.x * a.{c.name} + weights.y * b.{c.name} + weights.z * c.{c.name}"
-        for c in COLUMNS
-    )
-    return _text(
-        f"// The table of vertices, {_MADE}",
-        '#include "generated/vertex.glsl"',
-        '#include "lib/table.glsl"',
-        f"uniform sampler2D vertex_table;  // {TEXELS} texels per vertex, in rows of TABLE_COLUMNS vertices",
-        "",
-        "// Return vertex i.",
-        "Vertex vertex_at(int i)",
-        "{",
-        f"    ivec2 at = table_texel(i, {TEXELS}, 0);",
-        *(f"    vec4 t{t} = texel_at(vertex_table, at + ivec2({t}, 0));" for t in range(TEXELS)),
-        f"    return Vertex({', '.join(map(_in_texels, COLUMNS))});",
-        "}",
-        "",
-        "// Return the point of the triangle a, b, c with the barycentric coordinates `weights`.",
-        *_function("Vertex interpolate(vec3 weights, Vertex a, Vertex b, Vertex c)", f"Vertex({', '.join(blended)})"),
-    )
-
-
-def _flat(column: VertexColumn) -> str:
-    return "flat " if column.flat else ""
-
-
-def _field(column: VertexColumn) -> str:
-    """Return the column as the field of a struct."""
-    return f"    {column.kind} {column.name};  // {column.meaning} [{column.unit}]"
+def _each(form: str, columns: tuple[VertexColumn, ...] = COLUMNS[1:], between: str = "\n") -> str:
+    """Return `form` for each column c, by default for all but the position, which each shader handles itself."""
+    return between.join(form.format(c=c, flat="flat " * c.flat) for c in columns)
 
 
 def _in_texels(column: VertexColumn) -> str:
@@ -140,17 +79,52 @@ def _in_texels(column: VertexColumn) -> str:
     return parts[0] if len(parts) == 1 else f"{column.kind}({', '.join(parts)})"
 
 
-def _function(head: str, value: str) -> list[str]:
-    return [head, "{", f"    return {value};", "}"]
-
-
-def _text(*lines: str) -> str:
-    return "\n".join(lines) + "\n"
-
+_BLEND = "\n        weights.x * a.{c.name} + weights.y * b.{c.name} + weights.z * c.{c.name}"
 
 INCLUDES = {
-    "generated/vertex.glsl": glsl_vertex(),
-    "generated/attributes.glsl": glsl_attributes(),
-    "generated/interpolated.glsl": glsl_interpolated(),
-    "generated/vertex_table.glsl": glsl_vertex_table(),
+    "generated/vertex.glsl": f"""// A vertex, or a point of a triangle, {_MADE}
+struct Vertex
+{{
+{_each("    {c.kind} {c.name};  // {c.meaning} [{c.unit}]", COLUMNS)}
+}};
+""",
+    # of vertex shaders: the attributes except the position, and their outputs for the fragment shader
+    "generated/attributes.glsl": f"""// The attributes of a vertex that are interpolated, {_MADE}
+{_each("in {c.kind} in_{c.name};")}
+{_each("{flat}out {c.kind} v_{c.name};")}
+
+void pass_attributes()
+{{
+{_each("    v_{c.name} = in_{c.name};")}
+}}
+""",
+    # of fragment shaders: the outputs of `pass_attributes`
+    "generated/interpolated.glsl": f"""// The interpolated attributes of a vertex, {_MADE}
+#include "generated/vertex.glsl"
+{_each("{flat}in {c.kind} v_{c.name};")}
+
+Vertex interpolated_vertex(vec3 position)
+{{
+    return Vertex(position, {_each("v_{c.name}", between=", ")});
+}}
+""",
+    "generated/vertex_table.glsl": f"""// The table of vertices, {_MADE}
+#include "generated/vertex.glsl"
+#include "lib/table.glsl"
+uniform sampler2D vertex_table;  // {TEXELS} texels per vertex, in rows of TABLE_COLUMNS vertices
+
+// Return vertex i.
+Vertex vertex_at(int i)
+{{
+    ivec2 at = table_texel(i, {TEXELS}, 0);
+    vec4 {", ".join(f"t{t} = texel_at(vertex_table, at + ivec2({t}, 0))" for t in range(TEXELS))};
+    return Vertex({", ".join(map(_in_texels, COLUMNS))});
+}}
+
+// Return the point of the triangle a, b, c with the barycentric coordinates `weights`.
+Vertex interpolate(vec3 weights, Vertex a, Vertex b, Vertex c)
+{{
+    return Vertex({", ".join("a." + c.name if c.flat else _BLEND.format(c=c) for c in COLUMNS)});
+}}
+""",
 }

@@ -8,10 +8,9 @@ from functools import cached_property
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Uniforms
+from irrsplat.core.buffers import MATERIAL_ROWS, MaterialRow, Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.core.material_layout import MATERIAL_ROWS, WRAPS, MaterialRow
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
@@ -20,6 +19,7 @@ from irrsplat.scene.model import Scene, Texture
 from irrsplat.scene.seen_by_light import face_counts
 
 _MOST_LAYER_BYTES = 64 << 20  # of all layers, approximately
+_WRAPS = ("repeat", "mirror", "clamp")  # by their numbers in the table
 
 
 class MaterialTable(Owner):
@@ -115,7 +115,7 @@ def _texture_rows(texture: Texture | None, key: LayerKey | None, plan: LayerPlan
     """Return the (3, 4) rows of a texture, see MaterialRow.ALBEDO_TEXTURE."""
     if texture is None or key is None:
         return np.array([[0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 1.0, 1.0]])
-    u, v = (WRAPS.index(wrap) for wrap in texture.wrap)
+    u, v = (_WRAPS.index(wrap) for wrap in texture.wrap)
     across, down = texture.transform[:3], texture.transform[3:]
     about = plan.means.get(key, (key.cutoff, float(dithered(key, plan.side)), 0.0, 0.0))
     return np.array([[*across, plan.layers.get(key, -1)], [*down, u + 3 * v + 9 * texture.uv_set], about])

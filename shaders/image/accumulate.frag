@@ -1,8 +1,7 @@
 // Antialiasing: blend one more sample per pixel, off its centre, into the mean of the samples so far (METHOD.md, 10.3).
-#include "generated/gbuffer_material.glsl"
 #include "image/backdrop.glsl"
 #include "image/filtered.glsl"
-#include "lib/material.glsl"
+#include "image/gbuffer_material.glsl"
 
 uniform sampler2D position;  // g-buffer of the sample
 uniform sampler2D direct;    // direct radiance of the sample

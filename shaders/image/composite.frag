@@ -1,12 +1,11 @@
 // The picture (Jones 2010, 2.5; METHOD.md, 10.1): the outgoing radiance by direct light, indirect light, emission and sky.
-#include "generated/gbuffer_material.glsl"
 #if FILTERS
 #include "image/filtered.glsl"
 #endif
 #if SKY
 #include "image/backdrop.glsl"
 #endif
-#include "lib/material.glsl"
+#include "image/gbuffer_material.glsl"
 #include "lib/texel.glsl"
 
 // FILTERS: 1 if filters may cover surfaces. EMISSIVE: 1 if any surface emits. SKY: 0 black, 1 uniform, 2 with a gradient, 3 map.

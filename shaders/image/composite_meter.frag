@@ -1,7 +1,7 @@
 // The exposure meter (METHOD.md, 10.2): the sum of log₂ (Y/ρ) over the lit pixels of a block, and the number of these pixels. Y
 // is the luminance, and ρ that of the reflectance.
 #include "generated/constants.glsl"
-#include "generated/gbuffer_material.glsl"
+#include "image/gbuffer_material.glsl"
 
 uniform sampler2D image;     // linear radiance
 uniform sampler2D position;  // g-buffer

@@ -1,5 +1,5 @@
 // Access to the g-buffer of a view, drawn by image/gbuffer.frag (Jones 2010, 3.2).
-#include "generated/gbuffer_material.glsl"
+#include "image/gbuffer_material.glsl"
 #include "lib/normals.glsl"
 #include "lib/texel.glsl"
 

@@ -1,6 +1,11 @@
-// Outgoing radiance of a Lambertian surface in W/(m² sr), from the irradiance E in W/m².
+// The material at a point of a Lambertian surface, and its outgoing radiance in W/(m² sr) from the irradiance E in W/m².
 #include "generated/constants.glsl"
-#include "generated/material.glsl"
+
+struct Material
+{
+    vec3 albedo;    // diffuse reflectance, linear
+    vec3 emission;  // emitted radiance, W/(m² sr)
+};
 
 // Return the reflected radiance, ρ/π·E.
 vec3 reflected_radiance(Material material, vec3 E)

@@ -1,8 +1,8 @@
 // The material at a point of a surface, from the table of materials and the interpolated vertex (METHOD.md, 3.9).
 // TEXTURES: 1 in light passes if the scene has textures.
 #include "generated/constants.glsl"
-#include "generated/material.glsl"
 #include "generated/vertex.glsl"
+#include "lib/material.glsl"
 #include "lib/texel.glsl"
 
 uniform sampler2D material_table;  // per material one column of MATERIAL_ROWS texels, TABLE_COLUMNS columns side by side

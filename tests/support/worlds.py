@@ -14,7 +14,6 @@ from PIL import Image
 
 from irrsplat.core.buffers import GBuffer, HitLight, Records, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.core.material_layout import PROPERTIES
 from irrsplat.core.record_layout import COLUMNS, TEXTURES, pack
 from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.kinds import gather_pass
@@ -138,8 +137,6 @@ def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, 
     depth: (H, W), 0 for the background. rest: `geometric`, and material properties; default albedo 0.5, others 0.
     """
     octahedral = encode(rest.get("geometric", normal))
-    rest = {"albedo": np.full_like(position, 0.5), **rest}
-    last = {"albedo": octahedral[..., 1], "emission": np.ones_like(depth)}  # last components of these textures
 
     def texture(rgb: np.ndarray, w: np.ndarray) -> moderngl.Texture:
         return table_texture(ctx, np.concatenate([rgb, w[..., None]], -1)[::-1])
@@ -147,7 +144,8 @@ def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, 
     return GBuffer(
         texture(position, depth),
         texture(normal, octahedral[..., 0]),
-        **{c.name: texture(rest.get(c.name, 0.0 * position), last.get(c.name, 0.0 * depth)) for c in PROPERTIES},  # type: ignore[arg-type]
+        texture(rest.get("albedo", np.full_like(position, 0.5)), octahedral[..., 1]),
+        texture(rest.get("emission", 0.0 * position), np.ones_like(depth)),
     )
 
 
