@@ -208,7 +208,7 @@ class Actions:
     def save(self, name: str, then: Callable[[], object] | None = None) -> None:
         """Save the present scene as a `.scene` of this name and a folder of its parts, in place of old ones, and call `then`."""
         path = scene_file(name)
-        lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite=True)
+        lost = write_scene(self.session.scene.placed(self.session.origin), path)
         self.editor.saved = self.editor.scene
         self.saved_as = str(path)
         self.preferences.opened(str(path))

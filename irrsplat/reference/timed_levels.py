@@ -7,11 +7,18 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
+from irrsplat.scene.model import Camera
+
+if TYPE_CHECKING:
+    from irrsplat.reference.fine_gather import Truth
+
 FILTERS = ("fast", "high")  # qualities of Open Image Denoise (pyoidn)
+ENOUGH = 0.02  # relative RMSE below which refinement ends
+SECONDS = 120.0  # time limit for starting a finer measurement; a quarter of it where further views take as long
 
 
 class TimedLevels(TypedDict):
@@ -24,25 +31,31 @@ class TimedLevels(TypedDict):
 
 
 @dataclass(frozen=True)
-class Judged:
-    """N points of a view, the pixels of `mask` (H, W), and the reference.
+class JudgedView:
+    """Visible points of a camera with reference irradiance.
 
-    normal: (N, 3). compared: (M,) numbers of the points with reference irradiance `truth` (M, 3). enough, seconds: relative RMSE
-    or processor time at which the levels end.
+    Points (N, 3) with shading and geometric normals; indices (M,) of the compared points; the reference there (M, 3) in W/m²,
+    with pixels as in `fine_gather.Truth`. mask: (H, W) bool, the pixels of the points, row by row.
     """
 
-    mask: np.ndarray
+    camera: Camera
+    position: np.ndarray
     normal: np.ndarray
-    compared: np.ndarray
-    truth: np.ndarray
-    enough: float
-    seconds: float
+    geometric: np.ndarray
+    judged: np.ndarray
+    truth: Truth
+    mask: np.ndarray
+
+    def error(self, E: np.ndarray) -> float:
+        """Return the relative RMSE of irradiance (N, 3) at the compared points."""
+        off = E[self.judged] - self.truth.irradiance
+        return float(np.sqrt(np.mean(off**2)) / self.truth.irradiance.mean(dtype=float))
 
 
 def levels(
     irradiance: Callable[[int], np.ndarray],
     counts: Sequence[int],
-    view: Judged,
+    view: JudgedView,
     report: Callable[[float], object],
     prepare: Callable[[int], object] | None = None,
 ) -> dict[str, list[tuple[int, float, float]]]:
@@ -63,11 +76,11 @@ def levels(
         traced = time.process_time() - start
         for name, smooth in filtered.items():
             begun = time.process_time()
-            off = smooth(E)[view.compared] - view.truth
+            filtered_E = smooth(E)
             took = traced + time.process_time() - begun
-            found[name].append((count, took, float(np.sqrt(np.mean(off**2)) / view.truth.mean())))
-        report(min(traced / view.seconds, 1.0))
-        if found[""][-1][2] <= view.enough or traced >= view.seconds:
+            found[name].append((count, took, view.error(filtered_E)))
+        report(min(4.0 * traced / SECONDS, 1.0))
+        if found[""][-1][2] <= ENOUGH or 4.0 * traced >= SECONDS:
             break
     return found
 

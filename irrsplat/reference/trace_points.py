@@ -12,25 +12,16 @@ import drjit as dr
 import numpy as np
 
 from irrsplat.reference.path_tracer import Tracer
-from irrsplat.reference.timed_levels import Judged, TimedLevels, levels
+from irrsplat.reference.timed_levels import JudgedView, TimedLevels, levels
 from irrsplat.scene.model import Scene
 
 _SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # sides of the stratified grids of a point's samples
 
 
-def timed(
-    scene: Scene,
-    points: tuple[np.ndarray, np.ndarray, np.ndarray],
-    bounces: int,
-    view: Judged,
-    report: Callable[[float], object],
-) -> TimedLevels:
-    """Return times and errors of irradiance with `bounces` at `points`, (N, 3) each: positions, shading and geometric normals.
-
-    view: the pixels of the points, and the reference.
-    """
+def timed(scene: Scene, bounces: int, view: JudgedView, report: Callable[[float], object]) -> TimedLevels:
+    """Return times and errors of irradiance with `bounces` at the points of a view."""
     start = time.perf_counter()
-    tracer, (p, n, g), few = Tracer(scene), points, slice(0, 256)
+    tracer, p, n, g, few = Tracer(scene), view.position, view.normal, view.geometric, slice(0, 256)
     load = time.perf_counter() - start
 
     def compiled(count: int) -> None:

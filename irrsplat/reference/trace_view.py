@@ -16,7 +16,6 @@ from irrsplat.core.timing.other_process import Report
 from irrsplat.reference.camera_view import Visible, camera_rays
 from irrsplat.reference.lanes import lights
 from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view
-from irrsplat.reference.worker import Pass
 from irrsplat.scene.model import Camera, Scene
 
 ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
@@ -88,20 +87,17 @@ def _halves(tracer: Tracer, places: _Places, side: int, bounces: int, seed: int,
     return halves
 
 
-def refine(scene: Scene, passes: Sequence[Pass], bounces: int, report: Report) -> None:
-    """Trace irradiance of `bounces` pass by pass.
+def refine(scene: Scene, camera: Camera, size: tuple[int, int], sides: Sequence[int], bounces: int, report: Report) -> None:
+    """Trace irradiance of `bounces` pass by pass: twice side² samples of each kind per pixel, for each of the `sides`.
 
     report: called with the finished share of all samples, and after each pass with `halves`, `seen` and `valid`, see `Traced`.
     """
-    tracer, done, whole = Tracer(scene), 0.0, sum(one.samples * one.pixels for one in passes)
-    before, places = None, None
-    for one in passes:
-        if places is None or before != (one.camera, one.size):
-            before = one.camera, one.size
-            places = _places(tracer, one.camera, one.size)[0]
-        share = one.samples * one.pixels / whole
+    tracer, done, whole = Tracer(scene), 0.0, sum(side * side for side in sides)
+    places = _places(tracer, camera, size)[0]
+    for number, side in enumerate(sides):
+        share = side * side / whole
         part = partial(lambda done, share, finished: report(done + share * finished), done, share)
-        halves = _halves(tracer, places, one.side, bounces, one.number * _SEEDS, part)
+        halves = _halves(tracer, places, side, bounces, number * _SEEDS, part)
         done += share
         report(done, {"halves": halves, "seen": places.seen, "valid": places.valid})
 

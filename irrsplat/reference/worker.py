@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,29 +18,6 @@ INSTALL = "pip install 'irrsplat[reference]'"
 _FAILURE = "the path tracer failed ({why}); with LLVM older than 19 it may: install libllvm19, then try again"
 
 
-@dataclass(frozen=True)
-class Pass:
-    """Samples of irradiance for every pixel of a camera's picture of `size` (W, H): side² of each kind, twice.
-
-    number: unique within a view; it selects the samples.
-    """
-
-    camera: Camera
-    size: tuple[int, int]
-    side: int
-    number: int
-
-    @property
-    def samples(self) -> int:
-        """Samples of each kind per pixel, by both halves."""
-        return 2 * self.side * self.side
-
-    @property
-    def pixels(self) -> int:
-        """Number of the picture's pixels."""
-        return self.size[0] * self.size[1]
-
-
 def require() -> None:
     """Raise IrrsplatError if Mitsuba is not installed; only `call` finds out if it runs."""
     if importlib.util.find_spec("mitsuba") is None:
@@ -49,14 +25,20 @@ def require() -> None:
 
 
 def refining(
-    scene: Scene, passes: Sequence[Pass], bounces: int, take: Callable[[dict[str, np.ndarray]], object]
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    sides: Sequence[int],
+    bounces: int,
+    take: Callable[[dict[str, np.ndarray]], object],
 ) -> other_process.Calling:
     """Trace a view pass by pass in another process and the background by `irrsplat.reference.trace_view.refine`.
 
     take: called with the arrays of each pass in turn.
     """
     require()
-    return other_process.Calling(_CODE.format("trace_view", "refine"), (scene, list(passes), bounces), _FAILURE, take)
+    arguments = scene, camera, size, tuple(sides), bounces
+    return other_process.Calling(_CODE.format("trace_view", "refine"), arguments, _FAILURE, take)
 
 
 def call(module: str, function: str, arguments: tuple[object, ...], progress: OnShare | None = None) -> Any:

@@ -465,23 +465,23 @@ class Tracer:
     def call(
         self,
         code: str,
-        arguments: tuple[Scene, list[worker.Pass], int],
+        arguments: tuple[Scene, Camera, tuple[int, int], tuple[int, ...], int],
         progress: Callable[[float], object],
         take: Callable[[dict[str, np.ndarray]], object],
         failure: str,
     ) -> None:
-        _, passes, bounces = arguments
-        self.calls.append((passes[-1].camera, passes[-1].size, bounces))
-        for one in passes[: self.early]:
-            take(self.make(one.size))
+        _, camera, size, sides, bounces = arguments
+        self.calls.append((camera, size, bounces))
+        for _ in sides[: self.early]:
+            take(self.make(size))
         progress(0.25)
         with self._change:
             self._waiting.add(current_thread())
             self._change.notify_all()
         while not self.go.wait(0.05):
             progress(0.25)
-        for one in passes[self.early :]:
-            take(self.make(one.size))
+        for _ in sides[self.early :]:
+            take(self.make(size))
 
     @staticmethod
     def make(size: tuple[int, int]) -> dict[str, np.ndarray]:

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import cast
 
 from irrsplat.app.bench.peers import judging
-from irrsplat.app.bench.peers.judging import JudgedView, Series
+from irrsplat.app.bench.peers.judging import Series
 from irrsplat.app.bench.peers.table import Notify
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.timing import other_process
-from irrsplat.reference.timed_levels import TimedLevels
+from irrsplat.reference.timed_levels import JudgedView, TimedLevels
 from irrsplat.reference.truth import vertices
 from irrsplat.scene.model import Scene
 from irrsplat.settings import All
@@ -31,7 +31,7 @@ def measure(
         raise IrrsplatError("lights with OpenGL's attenuation or spotExponent are not written for it; give lights an intensity")
     notify(_NAME)
     view = views[0]
-    arguments = scene, view.camera, size, vertices(bounces), judging.judged(view)
+    arguments = scene, view.camera, size, vertices(bounces), view
     found = cast(TimedLevels, other_process.call(other_process.code(timed), arguments, failure="Cycles failed ({why})"))
     yield from judging.by_samples(_NAME, found, _COLOURS)
 

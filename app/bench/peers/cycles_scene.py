@@ -14,7 +14,7 @@ import numpy as np
 import OpenEXR
 
 from irrsplat.app.bench.peers.judging import CPUS
-from irrsplat.reference.timed_levels import Judged, TimedLevels, levels
+from irrsplat.reference.timed_levels import JudgedView, TimedLevels, levels
 from irrsplat.scene.change import emits
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 
@@ -27,7 +27,7 @@ def timed(
     camera: Camera,
     size: tuple[int, int],
     bounces: int,
-    view: Judged,
+    view: JudgedView,
     report: Callable[[float], object],
 ) -> TimedLevels:
     """Return times and errors of indirect irradiance with `bounces` at the pixels' centres. view: these, and the reference."""

@@ -12,13 +12,11 @@ from irrsplat.app.bench import gather_truth
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image.figures.legend import Colour
 from irrsplat.indirect import paper_scan
-from irrsplat.reference import fine_gather, timed_levels
+from irrsplat.reference.timed_levels import JudgedView, TimedLevels
 from irrsplat.reference.truth import NOTHING, in_words
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
 
-ENOUGH = 0.02  # relative RMSE below which refinement ends
-SECONDS = 120.0  # time limit for starting a finer measurement
 CPUS = max(1, os.cpu_count() or 1)  # threads, equal for all: ours, rtrace -n and Mitsuba
 
 
@@ -51,28 +49,6 @@ class Series:
     keeps_nothing: bool = False
 
 
-@dataclass(frozen=True)
-class JudgedView:
-    """Visible points of a camera with reference irradiance.
-
-    Points (N, 3) with shading and geometric normals; indices (M,) of the compared points; the reference there (M, 3) in W/m²,
-    with pixels as in `fine_gather.Truth`. mask: (H, W) bool, the pixels of the points, row by row.
-    """
-
-    camera: Camera
-    position: np.ndarray
-    normal: np.ndarray
-    geometric: np.ndarray
-    judged: np.ndarray
-    truth: fine_gather.Truth
-    mask: np.ndarray
-
-    def error(self, E: np.ndarray) -> float:
-        """Return the relative RMSE of irradiance (N, 3) at the compared points."""
-        off = E[self.judged] - self.truth.irradiance
-        return float(np.sqrt(np.mean(off**2)) / self.truth.irradiance.mean(dtype=float))
-
-
 def judged_view(renderer: Renderer, camera: Camera) -> JudgedView:
     """Return the visible points of `camera` and their reference; raise InputError without one."""
     truth = gather_truth.truth(renderer, camera, trace=True)
@@ -92,13 +68,7 @@ def judged_view(renderer: Renderer, camera: Camera) -> JudgedView:
     return JudgedView(camera, position, normal, geometric, numbers[tuple(truth.pixels.T)], truth, seen.mask)
 
 
-def judged(view: JudgedView) -> timed_levels.Judged:
-    """Return the points of a view for a renderer that is timed by sample counts."""
-    truth = view.truth.irradiance.astype(float)
-    return timed_levels.Judged(view.mask, view.normal, view.judged, truth, ENOUGH, SECONDS / 4.0)
-
-
-def by_samples(name: str, found: timed_levels.TimedLevels, colours: Sequence[Colour]) -> Iterator[Series]:
+def by_samples(name: str, found: TimedLevels, colours: Sequence[Colour]) -> Iterator[Series]:
     """Yield the series of a renderer that is timed by sample counts, and the same with each filter of Open Image Denoise.
 
     Further views take as long, as it keeps no data.

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from irrsplat.app.bench.peers import judging
-from irrsplat.app.bench.peers.judging import JudgedView, Series
+from irrsplat.app.bench.peers.judging import Series
 from irrsplat.app.bench.peers.table import Notify
 from irrsplat.reference import worker
-from irrsplat.reference.timed_levels import TimedLevels
+from irrsplat.reference.timed_levels import JudgedView, TimedLevels
 from irrsplat.reference.truth import vertices
 from irrsplat.scene.model import Scene
 from irrsplat.settings import All
@@ -21,8 +21,6 @@ def measure(
     scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
 ) -> Iterator[Series]:
     """Yield the path tracer's measurements with growing sample counts, and the same with each filter of Open Image Denoise."""
-    view = views[0]
     notify(_NAME)
-    points = view.position, view.normal, view.geometric
-    found: TimedLevels = worker.call("trace_points", "timed", (scene, points, vertices(bounces), judging.judged(view)))
+    found: TimedLevels = worker.call("trace_points", "timed", (scene, vertices(bounces), views[0]))
     yield from judging.by_samples(_NAME, found, _COLOURS)

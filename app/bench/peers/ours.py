@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import cast
 
 from irrsplat.app.bench import cases
-from irrsplat.app.bench.peers import judging
-from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series, fastest_first
+from irrsplat.app.bench.peers.judging import Measurement, Series, fastest_first
 from irrsplat.app.bench.peers.table import Notify
+from irrsplat.reference.timed_levels import ENOUGH, SECONDS, JudgedView
 from irrsplat.scene.model import Scene
 from irrsplat.settings import PRESETS, SETTINGS, All, Settings, SettingValues
 
@@ -61,6 +61,6 @@ def measure(
         assert rmse is not None
         quality = f"{name}, {empty.records} records"
         found.append(Measurement("irrsplat", quality, empty.processor, rmse, further.processor, further_rmse))
-        if rmse <= judging.ENOUGH / 2.0 or empty.processor >= judging.SECONDS:
+        if rmse <= ENOUGH / 2.0 or empty.processor >= SECONDS:
             break
     yield Series(fastest_first(found), about, (27, 94, 160))

@@ -13,7 +13,7 @@ import numpy as np
 
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
-from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Series, judged_view
+from irrsplat.app.bench.peers.judging import CPUS, Series, judged_view
 from irrsplat.app.bench.peers.table import PEERS, Notify, others
 from irrsplat.app.common import plot as plots
 from irrsplat.app.common.plot import Line, loglog
@@ -21,6 +21,7 @@ from irrsplat.app.common.terminal import columns, doing, out, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image import frame
+from irrsplat.reference.timed_levels import JudgedView
 from irrsplat.reference.truth import in_words
 from irrsplat.scene.model import Scene
 from irrsplat.settings import All

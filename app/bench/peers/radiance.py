@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from irrsplat.app.bench.peers import judging
-from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Measurement, Series, fastest_first
-from irrsplat.app.bench.peers.radiance_scene import meshes, text, write_obj
+from irrsplat.app.bench.peers.judging import CPUS, Measurement, Series, fastest_first
+from irrsplat.app.bench.peers.radiance_scene import meshes, text
 from irrsplat.app.bench.peers.table import Notify
 from irrsplat.core.errors import IrrsplatError
+from irrsplat.reference.timed_levels import ENOUGH, SECONDS, JudgedView
 from irrsplat.reference.truth import vertices
+from irrsplat.scene.io.text.scene_writer import obj_text
 from irrsplat.scene.model import Scene
 from irrsplat.settings import All
 
@@ -59,7 +60,7 @@ def measure(
             words = "-aa {:g} -ad {} -as {}".format(*quality)
             once.append(Measurement("Radiance, one pass", words, *found[0], *found[2]))
             twice.append(Measurement("Radiance, two passes", words, found[0][0] + found[1][0], found[1][1], *found[2]))
-            if found[1][1] <= judging.ENOUGH or found[0][0] >= judging.SECONDS / 2.0:
+            if found[1][1] <= ENOUGH or found[0][0] >= SECONDS / 2.0:
                 break
     yield Series(fastest_first(once), about, (226, 150, 90))
     yield Series(fastest_first(twice), about, (190, 70, 10))
@@ -83,7 +84,7 @@ class Rtrace:
         (folder / "scene.rad").write_text(text(scene), encoding="ascii")
         self.seconds = {"obj2mesh": 0.0, "oconv": 0.0}
         for number, mesh in meshes(scene):
-            write_obj(folder / f"mesh{number}.obj", mesh)
+            (folder / f"mesh{number}.obj").write_text(obj_text(mesh), encoding="ascii")
             self.seconds["obj2mesh"] += self._run(["obj2mesh", f"mesh{number}.obj", f"mesh{number}.rtm"])[1]
         octree, self.seconds["oconv"] = self._run(["oconv", "scene.rad"])
         (folder / "scene.oct").write_bytes(octree)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -83,12 +82,3 @@ def _factor(light: Light) -> tuple[str, list[float]]:
 
 def _row(*numbers: float) -> str:
     return " ".join(f"{float(x):.9g}" for x in numbers)
-
-
-def write_obj(path: Path, mesh: Mesh) -> None:
-    """Write a mesh for obj2mesh."""
-    with open(path, "w", encoding="ascii") as file:
-        np.savetxt(file, mesh.positions, fmt="v %.9g %.9g %.9g")
-        np.savetxt(file, mesh.normals, fmt="vn %.9g %.9g %.9g")
-        numbers = np.repeat(mesh.faces + 1, 2, axis=1)
-        np.savetxt(file, numbers, fmt="f %d//%d %d//%d %d//%d")

@@ -16,7 +16,6 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.reference import worker
 from irrsplat.reference.truth import in_words, noise, vertices
-from irrsplat.reference.worker import Pass
 from irrsplat.scene.model import Camera, Scene
 
 SIDES = (*(2,) * 4, *(4,) * 15, *(8,) * 12)  # by pass: two times side² samples of each kind in a pixel; 2048 samples in total
@@ -92,12 +91,11 @@ class _Tracing:
         if not subject.scene.triangles:
             raise InputError("the scene has no surfaces, so there is nothing to trace")
         self.subject, self.latest = subject, cast(Estimate | None, None)
-        plan = [Pass(subject.camera, subject.size, side, number) for number, side in enumerate(SIDES)]
-        self._left = iter(plan)
-        self.calling = worker.refining(subject.scene, plan, vertices(subject.bounces), self._take)
+        self._left, view = iter(SIDES), (subject.scene, subject.camera, subject.size)
+        self.calling = worker.refining(*view, SIDES, vertices(subject.bounces), self._take)
 
     def _take(self, found: dict[str, np.ndarray]) -> None:
-        samples, before = next(self._left).samples, self.latest
+        samples, before = 2 * next(self._left) ** 2, self.latest
         self.latest = Estimate(**found, samples=samples) if before is None else before.and_pass(samples, found["halves"])
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import irrsplat
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
+from irrsplat.scene.io.text.scene_writer import write_scene
 from irrsplat.scene.model import Camera, Image, Light, Material, Scene, Texture
 from irrsplat.scene.motion import hidden, transformed
 from tests.support.viewing import write_room
@@ -45,18 +45,13 @@ def test_lights_cameras_and_triangles_are_saved_exactly(room: Scene, tmp_path: P
         assert (mesh.name, mesh.closed) == (before.name, before.closed)
 
 
-def test_existing_files_are_not_overwritten(room: Scene, tmp_path: Path) -> None:
+def test_an_existing_scene_is_replaced_and_another_ending_is_refused(room: Scene, tmp_path: Path) -> None:
     path = tmp_path / "room.scene"
-    text = path.read_text()
-    with pytest.raises(InputError, match=r"room\.scene: this file exists already; give another name"):
-        write_scene(room, path)
-    parts_folder(tmp_path / "other.scene").mkdir()
-    with pytest.raises(InputError, match="other-files: this file exists already"):
-        write_scene(room, tmp_path / "other.scene")
     with pytest.raises(InputError, match=r"ends in \.scene"):
         write_scene(room, tmp_path / "other.obj")
-    assert path.read_text() == text and not (tmp_path / "other.scene").exists()
-    write_scene(room, path, overwrite=True)
+    assert not (tmp_path / "other.obj").exists() and not (tmp_path / "other-files").exists()
+    assert irrsplat.load(path).lights != room.lights
+    write_scene(room, path)
     assert irrsplat.load(path).lights == room.lights
 
 

@@ -33,19 +33,15 @@ def parts_folder(path: Path) -> Path:
     return path.with_name(path.stem + _FOLDER)
 
 
-def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
-    """Write the scene to `path`, and return a line about losses of the format; "" without losses.
+def write_scene(scene: Scene, path: Path) -> str:
+    """Write the scene to `path`, in place of an existing file, and return a line about losses of the format; "" without losses.
 
     Reading restores lights, cameras, and triangles in their present place, in the same float32 numbers. Hidden meshes are left
-    out. Raises InputError if `path` has another ending than .scene, or exists and may not be overwritten; IrrsplatError if
-    writing fails.
+    out. Raises InputError if `path` has another ending than .scene; IrrsplatError if writing fails.
     """
     if path.suffix != ".scene":
         raise InputError("a scene is saved under a name that ends in .scene", path)
     folder = parts_folder(path)
-    if not overwrite and (path.exists() or folder.exists()):
-        there = path if path.exists() else folder
-        raise InputError("this file exists already; give another name", there)
     make_folder(folder)
     writer = _Writer(folder)
     camera_lines, (sky_lines, suns) = writer.cameras(scene.cameras), writer.sky(scene)
@@ -161,16 +157,21 @@ class _Writer:
             if there:
                 self._lose(what)
         path = self._file(mesh.name, "mesh", ".obj")
-        text = io.StringIO()
-        np.savetxt(text, mesh.positions, fmt="v %.9g %.9g %.9g")
-        np.savetxt(text, mesh.normals, fmt="vn %.9g %.9g %.9g")
-        np.savetxt(text, np.repeat(mesh.faces + 1, 2, axis=1), fmt="f %d//%d %d//%d %d//%d")
-        write_text(path, text.getvalue())
+        write_text(path, obj_text(mesh))
         albedo = [min(max(c, 0.0), 1.0) for c in material.albedo] if not material.unlit else (0.0, 0.0, 0.0)
         diffuse, emission = f"brdf diffuse {_numbers((*albedo, 1.0))}", f"brdf emission {_numbers(material.emission)}"
         obj = f"obj {self.folder.name}/{path.name}"
         placed = ["push", f"trans {_numbers(origin)}", obj, "pop"] if any(origin) else [obj]
         return [diffuse, emission, *placed]
+
+
+def obj_text(mesh: Mesh) -> str:
+    """Return the text of an `.obj` file with the triangles and normals of a mesh."""
+    text = io.StringIO()
+    np.savetxt(text, mesh.positions, fmt="v %.9g %.9g %.9g")
+    np.savetxt(text, mesh.normals, fmt="vn %.9g %.9g %.9g")
+    np.savetxt(text, np.repeat(mesh.faces + 1, 2, axis=1), fmt="f %d//%d %d//%d %d//%d")
+    return text.getvalue()
 
 
 def _numbers(values: Iterable[float]) -> str:
