@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from typing import Any, Literal, TypedDict, Unpack, cast
@@ -71,19 +72,11 @@ class Declaration:
     def parse(self, text: str) -> Value:
         """Return the value of `text`. Raises InputError with the legal range for a text without a value."""
         word = text.strip().lower()
-        if self.word and word == self.word:
-            return word
-        if self.kind == "bool":
-            if word in ("on", "off"):
-                return word == "on"
-        elif self.kind == "choice":
-            if word in self.choices:
-                return word
-        else:
-            try:
+        if word in self.words:
+            return self.check(word)
+        if self.kind in ("int", "float"):
+            with suppress(ValueError):
                 return self.check(int(word) if self.kind == "int" else float(word))
-            except ValueError:
-                pass
         hint = _removed_choice(self.name, word) or did_you_mean(word, self.words)
         raise InputError(f"{self.flag} takes {self.range}, not '{text}'{hint}")
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from irrsplat.app.bench import gather_truth
 from irrsplat.app.common.terminal import doing
+from irrsplat.core.vectors import vector
 from irrsplat.records.cache_file import CacheState
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Light, Scene
@@ -101,8 +102,8 @@ def turned(camera: Camera, degrees: float) -> Camera:
     right, up, _ = camera.axes
     forward = np.subtract(camera.target, camera.eye)
     angle = np.radians(degrees)
-    x, y, z = np.asarray(camera.eye) + np.cos(angle) * forward - np.sin(angle) * np.linalg.norm(forward) * right
-    return replace(camera, target=(float(x), float(y), float(z)), up=(float(up[0]), float(up[1]), float(up[2])))
+    target = np.asarray(camera.eye) + np.cos(angle) * forward - np.sin(angle) * np.linalg.norm(forward) * right
+    return replace(camera, target=vector(target), up=vector(up))
 
 
 def shifted(scene: Scene) -> tuple[Light, ...]:
@@ -118,8 +119,7 @@ def shifted(scene: Scene) -> tuple[Light, ...]:
     else:
         toward = scene.bounds.mean(0) - place
         moved = place + toward * min(SHIFT * scene.diagonal / max(float(np.linalg.norm(toward)), 1e-9), 1.0)
-    x, y, z = (float(v) for v in moved)
-    return replace(first, position=(x, y, z)), *others
+    return replace(first, position=vector(moved)), *others
 
 
 def from_records(renderer: Renderer, camera: Camera, kept: CacheState | None = None) -> list[Timing]:

@@ -14,7 +14,7 @@ from irrsplat.core.files import write_text
 from irrsplat.scene import bundled
 
 RECENT = 10  # the greatest number of recent scenes
-SIDE = 32768  # pixels: the greatest width and height of a window
+LARGEST = 16384  # pixels: the greatest side of a window; X allows 32767, but few OpenGL drivers have textures larger than this
 _FILE = "viewer.json"
 
 
@@ -63,7 +63,7 @@ def load() -> tuple[Preferences, list[str]]:
     try:
         data = json.loads((folder() / _FILE).read_bytes().decode("utf-8-sig"))
         size = data["size"] and tuple(map(int, data["size"]))
-        if size and not (len(size) == 2 and 0 < min(size) <= max(size) <= SIDE):
+        if size and not (len(size) == 2 and 0 < min(size) <= max(size) <= LARGEST):
             raise ValueError("wrong size")
         recent = [source for source in data["recent"] if os.path.isabs(source) or source in bundled()]
         return Preferences(size, list(dict.fromkeys(recent))[:RECENT]), []

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 Point = tuple[float, float, float]
 Surface = tuple[Point, Point]  # a point and its unit normal
 
 SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # the optional sections of the side panel
-
-
-def point_of(values: np.ndarray | Sequence[float]) -> Point:
-    x, y, z = np.asarray(values, float).tolist()
-    return x, y, z
 
 
 @dataclass

@@ -15,11 +15,11 @@ import moderngl_window
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.context.glfw.keys import Keys
 
+from irrsplat.app.viewer.preferences import LARGEST
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
 TITLE = "irrsplat"
-LARGEST = 16384  # pixels: the greatest side of a window; X allows 32767, but few OpenGL drivers have textures larger than this
 _EVENTS = (  # glfw's names of events that may change the picture; `drop` is set separately
     *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "window_size", "window_focus"),
     *("window_iconify", "window_content_scale", "window_refresh", "window_close", "framebuffer_size"),

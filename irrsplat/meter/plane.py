@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.scene.model import Scene
 
 MOST_POINTS = 1_000_000
@@ -31,9 +32,9 @@ class Plane:
     Raises InputError for edges that span no area.
     """
 
-    corner: tuple[float, float, float]
-    u: tuple[float, float, float]
-    v: tuple[float, float, float]
+    corner: Vector
+    u: Vector
+    v: Vector
 
     def __post_init__(self) -> None:
         if not np.isfinite((self.corner, self.u, self.v)).all():
@@ -100,14 +101,11 @@ def horizontal(scene: Scene, height: float) -> Plane:
     low, extent = along.min(0), np.ptp(along, axis=0)
     if not extent[:2].min() > 1e-9 * extent.max():
         raise InputError("the scene has no horizontal extent, so there is no level plane to measure")
-    x, y, z = ((low + np.array([0.0, 0.0, height])) @ axes).tolist()
-    u, v = (axes[0] * extent[0]).tolist(), (axes[1] * extent[1]).tolist()
-    return Plane((x, y, z), (u[0], u[1], u[2]), (v[0], v[1], v[2]))
+    corner = vector((low + np.array([0.0, 0.0, height])) @ axes)
+    return Plane(corner, vector(axes[0] * extent[0]), vector(axes[1] * extent[1]))
 
 
-def line_points(
-    start: tuple[float, float, float], end: tuple[float, float, float], spacing: float | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def line_points(start: Vector, end: Vector, spacing: float | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return (N, 3) equidistant points from `start` to `end` at most `spacing` metres apart, and (N,) their metres from `start`.
 
     spacing: None for that of EN 12464-1. Raises InputError for coincident ends, a spacing not above 0, and more than MOST_POINTS

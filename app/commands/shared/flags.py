@@ -10,7 +10,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES
 from irrsplat.settings import PRESETS, SETTINGS
 
-STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # in the order of the frame
+STAGES = tuple(dict.fromkeys(declaration.stage for declaration in SETTINGS.values()))  # in the order of the frame
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:

@@ -16,6 +16,7 @@ from irrsplat.app.common.outputs import Outputs, check_distinct
 from irrsplat.app.common.terminal import columns, out, progress, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import vector
 from irrsplat.image.statistics import bounces_notice
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.plane import Grid, Plane, horizontal, line_points
@@ -91,8 +92,7 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
 
 
 def _plane(values: list[float]) -> Plane:
-    corner, u, v = ((values[i], values[i + 1], values[i + 2]) for i in (0, 3, 6))
-    return Plane(corner, u, v)
+    return Plane(vector(values[:3]), vector(values[3:6]), vector(values[6:]))
 
 
 def _grid(plane: Plane, args: argparse.Namespace) -> Grid:
@@ -102,8 +102,7 @@ def _grid(plane: Plane, args: argparse.Namespace) -> Grid:
 
 def _along(args: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of --line, and their distances along it in metres."""
-    x, y, z, *end = args.line
-    return line_points((x, y, z), (end[0], end[1], end[2]), args.grid)
+    return line_points(vector(args.line[:3]), vector(args.line[3:]), args.grid)
 
 
 # ---- output ------------------------------------------------------------------------------------------------------------

@@ -21,7 +21,6 @@ from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.renderer import Renderer
 from irrsplat.settings import Settings
 
-OF_REFERENCE = ("reference", "error")  # the buffers that need a path-traced reference
 _NO_REFERENCE, _NO_SHADOWS = Legend("no reference of this view yet; Y traces it"), Legend("no light casts shadows here")
 _ALBEDO, _ALPHA = Legend("reflectance, sRGB encoded", "0", "1"), Legend("share of the pixel", "0", "1")
 _SHADOW_HELP = "every light's shadow maps: distance from the light along each one's axis"

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from irrsplat.app.viewer.view_options import Point, point_of
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.core.color import LUMINANCE, photometric
-from irrsplat.core.vectors import box, triangle_areas
+from irrsplat.core.vectors import box, triangle_areas, vector
 from irrsplat.scene.appearance import order
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.sky.colours import of_chromaticity
@@ -80,14 +80,14 @@ def kelvin_of(color: Point) -> float:
 
 def heated(light: Light, kelvin: float) -> Light:
     """Return the light in the colour of a black body, with unchanged luminance."""
-    return replace(light, color=point_of(blackbody(kelvin) * float(LUMINANCE @ np.asarray(light.color))))
+    return replace(light, color=vector(blackbody(kelvin) * float(LUMINANCE @ np.asarray(light.color))))
 
 
 def moved(light: Light, position: Point) -> Light:
     """Return the light at another place. A spot keeps its target; a luminaire keeps its direction."""
     target = light.spot_target
     if light.photometry is not None and target is not None:
-        target = point_of(np.add(target, np.subtract(position, light.position)))
+        target = vector(np.add(target, np.subtract(position, light.position)))
     return replace(light, position=position, spot_target=target)
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from irrsplat.app.viewer.view_options import point_of
+from irrsplat.core.vectors import vector
 from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Camera
 from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
@@ -83,7 +83,7 @@ class FreeCamera:
 
     def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> None:
         """Put the camera at `eye`, if this place is allowed, with `axes` (None: unchanged). Its target is as far as `about`."""
-        camera, up = self.camera, self.camera.up if axes is None else point_of(self._world[1])
+        camera, up = self.camera, self.camera.up if axes is None else vector(self._world[1])
         if not np.isfinite(eye).all() or (axes is None and np.array_equal(eye, camera.eye)):
             return
         if math.dist(eye, self.first.eye) > max(FAR * self._diagonal, math.dist(camera.eye, self.first.eye)):
@@ -93,7 +93,7 @@ class FreeCamera:
         reach = depth if depth > 0.0 else math.dist(camera.eye, camera.target)
         # far from the origin, the target must differ from the eye by enough digits to give the view's direction
         reach = max(min(max(reach, NEAR * self._diagonal), FAR * self._diagonal), 1e-7 * float(np.abs(eye).max()))
-        self.camera = Camera(point_of(eye), point_of(eye - back * reach), up, camera.fov)
+        self.camera = Camera(vector(eye), vector(eye - back * reach), up, camera.fov)
 
 
 def _axes(yaw: float, pitch: float, world: np.ndarray) -> np.ndarray:

@@ -14,8 +14,8 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.objects import bounds_of, moved, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.ui.layout import Layout, line
-from irrsplat.app.viewer.view_options import Point, point_of
-from irrsplat.core.vectors import unit
+from irrsplat.app.viewer.view_options import Point
+from irrsplat.core.vectors import unit, vector
 from irrsplat.scene.model import Light, Mesh
 from irrsplat.scene.motion import transformed
 
@@ -44,7 +44,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
         chosen, light = editor.light, editor.scene.lights[editor.light]
         for i, (point, move) in enumerate(_points(session, light)):
             if (place := _dragged(actions, layout, i, np.asarray(point))) is not None:
-                actions.attempt(lambda place=place, move=move: editor.set_light(chosen, move(point_of(place))))  # type: ignore[misc]
+                actions.attempt(lambda place=place, move=move: editor.set_light(chosen, move(vector(place))))  # type: ignore[misc]
         if axis := _axis(session, light):
             with layout.over_picture() as draw:
                 line(draw, layout.seen(session.camera, axis[0]), layout.seen(session.camera, axis[1]))
@@ -55,7 +55,7 @@ def _points(session: Session, light: Light) -> list[tuple[Point, Callable[[Point
     axis = _axis(session, light)
     if light.directional and axis is not None:
         length = np.linalg.norm(light.position)
-        return [(axis[1], lambda place: moved(light, point_of(length * unit(np.subtract(place, axis[0])[None])[0])))]
+        return [(axis[1], lambda place: moved(light, vector(length * unit(np.subtract(place, axis[0])[None])[0])))]
     moves: list[tuple[Point, Callable[[Point], Light]]] = [(light.position, lambda place: moved(light, place))]
     return moves if axis is None else [*moves, (axis[1], lambda place: replace(light, spot_target=place))]
 
@@ -67,17 +67,17 @@ def _axis(session: Session, light: Light) -> tuple[Point, Point] | None:
     """
     if not light.directional:
         return None if light.spot_target is None else (light.position, light.spot_target)
-    camera, middle = session.camera, point_of(session.scene.bounds.mean(0))
+    camera, middle = session.camera, vector(session.scene.bounds.mean(0))
     if pixel_of(camera, session.size, middle) is None:
-        middle = point_of(np.asarray(camera.target, float))
+        middle = vector(np.asarray(camera.target, float))
     away = _SUN * dist(camera.eye, middle) * unit(np.asarray(light.position, float)[None])[0]
-    return middle, point_of(middle + away)
+    return middle, vector(middle + away)
 
 
 def _draw_box(session: Session, layout: Layout, mesh: Mesh) -> None:
     """Draw the edges of the picked object's bounding box, a bright line on a dark one."""
     ends = bounds_of(mesh)
-    corners = [layout.seen(session.camera, point_of(ends[bits, range(3)])) for bits in product((0, 1), repeat=3)]
+    corners = [layout.seen(session.camera, vector(ends[bits, range(3)])) for bits in product((0, 1), repeat=3)]
     with layout.over_picture() as draw:
         for i, axis in product(range(8), (1, 2, 4)):
             if not i & axis:

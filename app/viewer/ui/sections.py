@@ -21,8 +21,9 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.measuring_plane import scene_height
 from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout
 from irrsplat.app.viewer.ui.legends import draw_scale
-from irrsplat.app.viewer.view_options import Point, point_of
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.core.color import LUMINOUS_EFFICACY, linear_from_srgb, srgb
+from irrsplat.core.vectors import vector
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.scene import ray_caster
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
@@ -65,11 +66,11 @@ def edit_outputs(layout: Layout, color: Point, units: Callable[[Point], dict[str
 
 def tint_of(color: Point) -> Point:
     """Return the colour with a greatest component of 1; white for black."""
-    return point_of([c / max(color) for c in color]) if max(color) > 0.0 else (1.0, 1.0, 1.0)
+    return vector([c / max(color) for c in color]) if max(color) > 0.0 else (1.0, 1.0, 1.0)
 
 
 def scaled(color: Point, factor: float) -> Point:
-    return point_of([factor * c for c in color])
+    return vector([factor * c for c in color])
 
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
@@ -259,7 +260,6 @@ SLIDERS: dict[str, tuple[float, float]] = {  # the first settings, and the ends 
     "exposure": (-10.0, 10.0),
 }
 _LOGARITHMIC = ("a", "tolerance")
-_STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")
 _OPEN = ("splat", "examine", "composite")  # stages that start unfolded
 _TOOLTIP = 28.0  # font heights: the width of a tooltip's text
 
@@ -267,7 +267,7 @@ _TOOLTIP = 28.0  # font heights: the width of a tooltip's text
 def draw_settings(actions: Actions, layout: Layout) -> None:
     """Draw all settings of the side that panels change, stage by stage."""
     sought = actions.session.options.sought
-    for stage in _STAGES:
+    for stage in dict.fromkeys(d.stage for d in SETTINGS.values()):
         if sought and SETTINGS[sought].stage == stage:
             imgui.set_next_item_open(True)
         if imgui.collapsing_header(stage, imgui.TreeNodeFlags_.default_open if stage in _OPEN else 0):

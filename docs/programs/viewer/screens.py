@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
-from irrsplat.app.viewer.buffers.table import BUFFERS, OF_REFERENCE
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
@@ -95,7 +95,7 @@ def buffers(viewer: Viewer) -> None:
     actions = viewer.actions
     actions.session.options.controls = False
     settled(viewer)
-    for name in (name for name in BUFFERS if name not in (*OF_REFERENCE, *PLAIN)):
+    for name in (name for name in BUFFERS if name not in ("reference", "error", *PLAIN)):
         if name == "requests":  # some pixels must still request records
             actions.clear()
             while not (actions.session.progress and 0.5 < actions.session.progress[0].coverage < 1.0):

@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.buffers.table import BUFFERS, OF_REFERENCE
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.objects import heated, moved
 from irrsplat.app.viewer.view_options import Point
@@ -98,7 +98,7 @@ def press(driver: Driver, draw: Draw) -> None:
 
 def show(driver: Driver, draw: Draw) -> None:
     """Show another buffer in another window size, with or without split, or one side of the split."""
-    driver.actions.show(str(draw.choice([name for name in BUFFERS if name not in OF_REFERENCE])))
+    driver.actions.show(str(draw.choice([name for name in BUFFERS if name not in ("reference", "error")])))
     driver.resize(SIZES[draw.integers(len(SIZES))])
     driver.frame()
     session = driver.session
