@@ -211,7 +211,8 @@ class ShownBuffer:
     one line for the tooltip. fragment: its shader in shaders/viewer/buffers. show: a call that returns the uniforms of this
     shader and the legend. read: a call that returns the 1 or 3 numbers at a pixel of the view from the uniforms, in the legend's
     unit, or None for no value. everywhere: True if the buffer also has numbers at pixels without a surface. in_view: True if its
-    pixels are the pixels of the view, so that records and edges can be marked over it; else it shows tiles.
+    pixels are the pixels of the view, so that records and edges can be marked over it; else it shows tiles. legend_alone: a call
+    that returns the legend without a draw; None if `show` draws nothing.
     """
 
     name: str
@@ -222,6 +223,7 @@ class ShownBuffer:
     read: Callable[[Uniforms, int, int], np.ndarray | None] = first(3)
     everywhere: bool = False
     in_view: bool = True
+    legend_alone: Callable[[ViewSource], Legend] | None = None
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         """Fill the whole canvas."""
@@ -234,7 +236,7 @@ class ShownBuffer:
             canvas.tiles(self.fragment, **uniforms)
 
     def legend(self, source: ViewSource) -> Legend:
-        return self.show(source)[1]
+        return self.show(source)[1] if self.legend_alone is None else self.legend_alone(source)
 
     def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """Return the buffer's numbers at pixel (x, y) of the view; None for no value. (0, 0) is the upper left pixel."""

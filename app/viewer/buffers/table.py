@@ -108,11 +108,17 @@ def _mean_if_any(uniforms: Uniforms, x: int, y: int) -> np.ndarray | None:
 
 def _light(source: ViewSource) -> Shown:
     """Return the shown form of illuminance by the user's scale, independently of the surface's reflectance."""
-    scale, (low, high), unit = source.light_scale, source.light_scale.ends, source.light_scale.shown_unit
-    colours, direct = false_colours(), source.renderer.direct_irradiance(source.view)
-    ends = {"low": low, "high": high, "steps": float(STEPS) if scale.lines else 0.0, "ground": GROUND, "palette": colours}
-    legend = Legend(f"a line every {amount((high - low) / STEPS)} {unit}", amount(low), amount(high), unit, colours)
-    return {"values": source.view.sums, "direct": direct, "weights": scale.weights, **ends}, legend
+    scale, (low, high) = source.light_scale, source.light_scale.ends
+    ends = {"low": low, "high": high, "steps": float(STEPS) if scale.lines else 0.0, "ground": GROUND, "palette": false_colours()}
+    light = {"values": source.view.sums, "direct": source.renderer.direct_irradiance(source.view), "weights": scale.weights}
+    return {**light, **ends}, _light_legend(source)
+
+
+def _light_legend(source: ViewSource) -> Legend:
+    """Return the legend of illuminance. It draws no direct light: the lights may have changed since the view was drawn."""
+    (low, high), unit = source.light_scale.ends, source.light_scale.shown_unit
+    text = f"a line every {amount((high - low) / STEPS)} {unit}"
+    return Legend(text, amount(low), amount(high), unit, false_colours())
 
 
 def _read_light(uniforms: Uniforms, x: int, y: int) -> np.ndarray:
@@ -247,7 +253,7 @@ BUFFERS: dict[str, ShownBuffer] = {
         ShownBuffer("requests", "requests", "pixels that request a record", "requests", _requests, first(1)),
         ShownBuffer("shadow", "shadow maps", _SHADOW_HELP, "shadow_maps", _shadow, in_view=False),
         ShownBuffer("atlas", "gather atlas", _ATLAS_HELP, "gather_atlas", _atlas, in_view=False),
-        ShownBuffer("light", "light (false colours)", _LIGHT_HELP, "light", _light, _read_light),
+        ShownBuffer("light", "light (false colours)", _LIGHT_HELP, "light", _light, _read_light, legend_alone=_light_legend),
         _channel("emission", "radiance", _emission),
         _channel("smooth_normal", "range", lambda source: _normal(source.view.gbuffer.normal), "smooth normal"),
         ShownBuffer("surface", "surface cache", _SURFACE_HELP, "irradiance", _surface, _mean_if_any),

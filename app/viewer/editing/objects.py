@@ -83,14 +83,6 @@ def heated(light: Light, kelvin: float) -> Light:
     return replace(light, color=vector(blackbody(kelvin) * float(LUMINANCE @ np.asarray(light.color))))
 
 
-def moved(light: Light, position: Point) -> Light:
-    """Return the light at another place. A spot keeps its target; a luminaire keeps its direction."""
-    target = light.spot_target
-    if light.photometry is not None and target is not None:
-        target = vector(np.add(target, np.subtract(position, light.position)))
-    return replace(light, position=position, spot_target=target)
-
-
 def light_name(light: Light, number: int) -> str:
     return light.name or f"light {number + 1}"
 

@@ -11,7 +11,7 @@ import numpy as np
 from imgui_bundle import imgui, imguizmo
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.objects import bounds_of, moved, pixel_of
+from irrsplat.app.viewer.editing.objects import bounds_of, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.ui.layout import Layout, line
 from irrsplat.app.viewer.view_options import Point
@@ -51,12 +51,17 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
 
 
 def _points(session: Session, light: Light) -> list[tuple[Point, Callable[[Point], Light]]]:
-    """Return the places of a light's handles, and the light after a move of each one. A spot has a second one at its target."""
+    """Return the places of a light's handles, and the light after a move of each one.
+
+    The first one moves a light with its direction. A spot has a second one, which aims it.
+    """
     axis = _axis(session, light)
     if light.directional and axis is not None:
         length = np.linalg.norm(light.position)
-        return [(axis[1], lambda place: moved(light, vector(length * unit(np.subtract(place, axis[0])[None])[0])))]
-    moves: list[tuple[Point, Callable[[Point], Light]]] = [(light.position, lambda place: moved(light, place))]
+        return [(axis[1], lambda place: replace(light, position=vector(length * unit(np.subtract(place, axis[0])[None])[0])))]
+    moves: list[tuple[Point, Callable[[Point], Light]]] = [
+        (light.position, lambda place: light.shifted(np.subtract(place, light.position)))
+    ]
     return moves if axis is None else [*moves, (axis[1], lambda place: replace(light, spot_target=place))]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.objects import bounds_of
 from irrsplat.core.color import LUMINANCE
+from irrsplat.core.vectors import vector
 from irrsplat.scene.motion import transformed
 from tests.support.viewing import RIGHT, SIZE, Driver, Widget, brighter, push
 
@@ -169,6 +172,23 @@ def test_a_drag_of_a_handle_is_one_step_of_undo(driver: Driver) -> None:
     assert driver.session.progress[0].coverage == 1.0
     driver.actions.editor.undo()
     assert driver.session.scene is editor.loaded
+
+
+def test_a_moved_spot_keeps_its_direction_and_the_legend_of_light_draws_nothing(driver: Driver, editor: Editor) -> None:
+    """The shadow maps, and the direct light with them, follow a move at the next tick and not for a legend."""
+    lamp = editor.scene.lights[0]
+    editor.set_light(0, replace(lamp, spot_target=vector(np.subtract(lamp.position, (0.1, 0.3, 0.0))), spot_cutoff=40.0))
+    driver.actions.toggle("lights")
+    driver.resize(SIZE, density=0.5)
+    driver.frame(2)
+    before, (x, y) = editor.scene.lights[0], driver.seen(lamp.position)
+    driver.drag((x + 25.0, y), (x + 65.0, y))
+    moved = editor.scene.lights[0]
+    assert moved.position[0] > before.position[0] + 0.05 and moved.spot_target is not None
+    assert np.subtract(moved.position, moved.spot_target) == pytest.approx((0.1, 0.3, 0.0))
+    editor.set_light(0, before)
+    assert BUFFERS["light"].legend(driver.session.source(0)).unit == "lux"
+    assert driver.session.renderers[0].shadows is None
 
 
 def test_the_object_panel_sets_the_emission(driver: Driver, editor: Editor) -> None:

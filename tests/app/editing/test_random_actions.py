@@ -15,7 +15,7 @@ import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
-from irrsplat.app.viewer.editing.objects import heated, moved
+from irrsplat.app.viewer.editing.objects import heated
 from irrsplat.app.viewer.view_options import Point
 from irrsplat.app.viewer.window import Desktop
 from irrsplat.scene.motion import transformed
@@ -70,7 +70,7 @@ def set_lights(driver: Driver, draw: Draw) -> None:
     if draw.random() < 0.25:
         made.delete_light(number)
     else:
-        light = heated(moved(made.scene.lights[number], triple(draw, 0.9)), float(draw.uniform(1700.0, 12_000.0)))
+        light = heated(replace(made.scene.lights[number], position=triple(draw, 0.9)), float(draw.uniform(1700.0, 12_000.0)))
         made.set_light(number, brighter(light) if draw.random() < 0.8 else replace(light, color=(0.0, 0.0, 0.0)))
 
 
