@@ -45,8 +45,7 @@ class Edges:
     def longest(self) -> np.ndarray:
         """Index (F,) of the longest edge of each face; the lowest place breaks ties, consistently for all faces."""
         length = np.round(self.length / max(float(self.length.max(initial=0.0)), 1e-30), 6)[self.of_face]
-        found: np.ndarray = np.lexsort((self.place[self.of_face], -length), axis=1)[:, 0]
-        return found
+        return np.lexsort((self.place[self.of_face], -length), axis=1)[:, 0]
 
     @property
     def keys(self) -> np.ndarray:

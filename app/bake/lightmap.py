@@ -258,5 +258,4 @@ def unit_normals(mesh: Mesh, vertex: np.ndarray) -> np.ndarray:
     """Return float64 unit normals of copies of a mesh's vertices, as glTF requires; +y where a normal is zero."""
     normals = mesh.normals[vertex].astype(float)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    found: np.ndarray = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), (0.0, 1.0, 0.0))
-    return found
+    return np.where(length > 1e-6, normals / np.maximum(length, 1e-6), (0.0, 1.0, 0.0))

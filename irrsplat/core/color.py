@@ -34,8 +34,7 @@ def linear_from_srgb(values: np.ndarray) -> np.ndarray:
     """Return linear values of sRGB-encoded ones in 0..1 (IEC 61966-2-1), of any shape."""
     c = SRGB
     curved = ((values + c.offset) / (1.0 + c.offset)) ** c.power
-    linear: np.ndarray = np.where(values <= c.encoded_end, values / c.slope, curved)
-    return linear
+    return np.where(values <= c.encoded_end, values / c.slope, curved)
 
 
 def srgb(linear: np.ndarray) -> np.ndarray:

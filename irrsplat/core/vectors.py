@@ -118,8 +118,7 @@ def octahedral_encode(directions: np.ndarray) -> np.ndarray:
     """Return (2, N) octahedral coordinates of unit vectors (N, 3), as in shaders/lib/normals.glsl."""
     x, y, z = directions.T / np.abs(directions).sum(1)
     folded = (1.0 - np.abs([y, x])) * np.where(np.array([x, y]) >= 0.0, 1.0, -1.0)
-    found: np.ndarray = np.where(z >= 0.0, [x, y], folded)
-    return found
+    return np.where(z >= 0.0, [x, y], folded)
 
 
 def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:

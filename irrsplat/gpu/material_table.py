@@ -45,8 +45,7 @@ class MaterialTable(Owner):
                 raise InputError("a mesh cannot get another texture or another opacity of one; load the scene anew with it")
             row[MaterialRow.ALBEDO_TEXTURE :][:3] = _texture_rows(material.albedo_texture, albedo, self.plan)
             row[MaterialRow.EMISSION_TEXTURE :][:3] = _texture_rows(material.emission_texture, emission, self.plan)
-        texels: np.ndarray = rows.swapaxes(1, 2).reshape(-1, TABLE_COLUMNS, 4)
-        return texels
+        return rows.swapaxes(1, 2).reshape(-1, TABLE_COLUMNS, 4)
 
     def update(self, scene: Scene) -> None:
         """Store the repainted materials of the same scene, with the same textures; raises InputError, unchanged, for other

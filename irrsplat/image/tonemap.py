@@ -29,8 +29,7 @@ def filmic(x: np.ndarray) -> np.ndarray:
     c = FILMIC
 
     def f(v: np.ndarray) -> np.ndarray:
-        y: np.ndarray = (v * (c.a * v + c.c * c.b) + c.d * c.e) / (v * (c.a * v + c.b) + c.d * c.f) - c.e / c.f
-        return y
+        return (v * (c.a * v + c.c * c.b) + c.d * c.e) / (v * (c.a * v + c.b) + c.d * c.f) - c.e / c.f
 
     bounded = np.clip(x, 0.0, c.white / c.scale)  # the curve is white there; infinity would be inf/inf
     display: np.ndarray = np.clip(f(c.scale * bounded) / f(np.asarray(c.white)), 0.0, 1.0)

@@ -124,8 +124,7 @@ def read(view: View, records: dict[str, np.ndarray], stats: Statistics, names: I
 def reflectance(view: View) -> np.ndarray:
     """Return (H, W) reflectances for exposure metering: mid grey for sky and emitters."""
     reflects = _seen(view)[..., 0] & ~pixels(view.gbuffer.emission)[..., :3].any(-1)
-    found: np.ndarray = np.where(reflects, pixels(view.gbuffer.albedo)[..., :3] @ LUMINANCE, np.float32(MID_GREY))
-    return found
+    return np.where(reflects, pixels(view.gbuffer.albedo)[..., :3] @ LUMINANCE, np.float32(MID_GREY))
 
 
 def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], stats: Statistics, view: View) -> Frame:
@@ -152,8 +151,7 @@ def _rgb(texture: moderngl.Texture) -> np.ndarray:
 
 def _seen(view: View) -> np.ndarray:
     """Return (H, W, 1) bool, True for pixels with a surface."""
-    seen: np.ndarray = pixels(view.gbuffer.position)[..., 3:] > 0.0
-    return seen
+    return pixels(view.gbuffer.position)[..., 3:] > 0.0
 
 
 def _where_seen(view: View, texture: moderngl.Texture, behind: np.ndarray | None = None) -> np.ndarray:
@@ -163,8 +161,7 @@ def _where_seen(view: View, texture: moderngl.Texture, behind: np.ndarray | None
 
 def _irradiance(view: View) -> np.ndarray:
     sums = pixels(view.sums)
-    found: np.ndarray = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
-    return found
+    return sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
 
 
 def _indirect(view: View) -> np.ndarray:

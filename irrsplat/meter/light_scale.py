@@ -37,8 +37,7 @@ class LightScale:
     @property
     def weights(self) -> np.ndarray:
         """(3,) W/m² of red, green and blue in `unit`."""
-        weights: np.ndarray = LUMINANCE * np.float32(LUMINOUS_EFFICACY if self.unit == "lux" else 1.0)
-        return weights
+        return LUMINANCE * np.float32(LUMINOUS_EFFICACY if self.unit == "lux" else 1.0)
 
     @property
     def shown_unit(self) -> str:
@@ -61,8 +60,7 @@ class LightScale:
         """Return the positions of light in `unit` on the scale, 0..1, of any shape."""
         low, high = self.ends
         place = np.log(np.maximum(light, 1e-30) / low) / np.log(high / low) if self.logarithmic else light / high
-        clipped: np.ndarray = np.clip(place, 0.0, 1.0)
-        return clipped
+        return np.clip(place, 0.0, 1.0)
 
     def at(self, place: np.ndarray) -> np.ndarray:
         """Return the light in `unit` at positions 0..1 of the scale, of any shape."""

@@ -47,8 +47,7 @@ class Plane:
     def normal(self) -> np.ndarray:
         """(3,) unit."""
         normal = np.cross(self.u, self.v)
-        unit: np.ndarray = normal / np.linalg.norm(normal)
-        return unit
+        return normal / np.linalg.norm(normal)
 
     def usual_spacing(self, margin: float = 0.0) -> float:
         """Return the `usual_spacing` of the longer edge, or of the shorter edge of a plane at least twice as long as wide,

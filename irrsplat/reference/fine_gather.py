@@ -40,8 +40,7 @@ class Truth:
 def chosen(seen: Seen, scene: Scene, count: int) -> np.ndarray:
     """Return (N, 2) at most `count` random smooth pixels: row from the top, column."""
     candidates = np.argwhere(seen.smooth(SMOOTH_OFF * scene.diagonal))
-    found: np.ndarray = np.random.default_rng(0).permutation(candidates)[:count]
-    return found
+    return np.random.default_rng(0).permutation(candidates)[:count]
 
 
 def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0) -> Truth:

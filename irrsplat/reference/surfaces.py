@@ -228,5 +228,4 @@ class Surfaces:
 def unit(v: np.ndarray) -> np.ndarray:
     """Return (N, 3) vectors scaled to length 1; zero vectors stay."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
-    result: np.ndarray = v / np.where(length > 0.0, length, 1.0)
-    return result
+    return v / np.where(length > 0.0, length, 1.0)

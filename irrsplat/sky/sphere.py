@@ -10,8 +10,7 @@ import numpy as np
 
 def solid_angles(height: int, width: int) -> np.ndarray:
     """Return (height,) solid angles of a texel in each row of an equirectangular map, steradians."""
-    areas: np.ndarray = -np.diff(np.cos(np.linspace(0.0, np.pi, height + 1))) * (2.0 * np.pi / width)
-    return areas
+    return -np.diff(np.cos(np.linspace(0.0, np.pi, height + 1))) * (2.0 * np.pi / width)
 
 
 def texel_directions(height: int, width: int, rows: np.ndarray | None = None) -> np.ndarray:

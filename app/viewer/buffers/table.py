@@ -81,8 +81,7 @@ def _read_indirect(uniforms: Uniforms, x: int, y: int) -> np.ndarray:
 def _mean(uniforms: Uniforms, x: int, y: int) -> np.ndarray:
     """Return (3,) Σ k·E / Σ k of a texel; 0 for Σ k = 0."""
     sums = texel(uniforms["values"], x, y)
-    mean: np.ndarray = sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
-    return mean
+    return sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
 
 
 def _irradiance(source: ViewSource, texture: moderngl.Texture, more: str = "") -> Shown:

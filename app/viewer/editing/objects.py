@@ -29,8 +29,7 @@ def meshes_of(scene: Scene, triangles: np.ndarray) -> np.ndarray:
     """Return (N,) the number of the mesh of each triangle, -1 for none. triangles: (N,) numbers in the order of drawing."""
     numbers = np.array([*order(scene), -1])
     ends = np.cumsum([len(scene.meshes[i].faces) for i in numbers[:-1]])
-    found: np.ndarray = np.where(triangles < 0, -1, numbers[np.searchsorted(ends, triangles, side="right")])
-    return found
+    return np.where(triangles < 0, -1, numbers[np.searchsorted(ends, triangles, side="right")])
 
 
 def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, float, float]) -> tuple[float, float] | None:

@@ -117,5 +117,4 @@ def _dragged(actions: Actions, layout: Layout, number: int, place: np.ndarray) -
 
 def _matrix16(matrix: np.ndarray) -> _gizmo.Matrix16:
     """Return a matrix (4, 4) in ImGuizmo's layout, column by column."""
-    taken: _gizmo.Matrix16 = _gizmo.Matrix16(matrix.T.ravel().tolist())
-    return taken
+    return _gizmo.Matrix16(matrix.T.ravel().tolist())

@@ -46,8 +46,7 @@ class Photometry:
         k, t, within_azimuth = _between(self.azimuth, first + np.mod(azimuth - first, 360.0), self.EDGE)
         c, n = self.candela, np.minimum(k + 1, len(self.azimuth) - 1)
         low, high = c[k, i] * (1.0 - t) + c[n, i] * t, c[k, i + 1] * (1.0 - t) + c[n, i + 1] * t
-        found: np.ndarray = np.where(within_polar & within_azimuth, low * (1.0 - s) + high * s, 0.0)
-        return found
+        return np.where(within_polar & within_azimuth, low * (1.0 - s) + high * s, 0.0)
 
     @cached_property
     def flux(self) -> float:

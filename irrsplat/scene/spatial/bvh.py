@@ -210,8 +210,7 @@ def _split(
         """Return (N, bins - 1) the sums over the bins to the left of each split."""
         sums = np.zeros(nodes * bins, np.intp)
         sums[filled] = of_bins
-        left: np.ndarray = np.cumsum(sums.reshape(nodes, bins), axis=1)[:, :-1]
-        return left
+        return np.cumsum(sums.reshape(nodes, bins), axis=1)[:, :-1]
 
     number = up_to_each(np.diff(begin, append=total))
     weight, whole = number, counts

@@ -64,8 +64,7 @@ class Surroundings:
         seen = level & (distance < _HIDDEN * self.distance[ring, sector])
         counts = np.bincount(sector[seen], minlength=_SECTORS)
         share = np.cos(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 2 * _PICTURE_SECTORS + 3))  # the middle weighs most
-        found: np.ndarray = np.convolve(np.tile(counts, 3), share, "same")[_SECTORS : 2 * _SECTORS]
-        return found
+        return np.convolve(np.tile(counts, 3), share, "same")[_SECTORS : 2 * _SECTORS]
 
 
 def directions(axes: np.ndarray) -> np.ndarray:
