@@ -10,11 +10,12 @@ import threading
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial, wraps
 from importlib import import_module
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -140,23 +141,18 @@ class Profile:
         """Wrap the functions of all stages within the block."""
         import moderngl
 
-        replaced: list[tuple[type, str, Any]] = []
         ends = [
             (getattr(import_module(f"irrsplat.{module}"), owner), name, stage)
             for stage, places in _BORDERS.items()
             for module, owner, name in (place.rsplit(".", 2) for place in places)
         ]
         ends += [(getattr(moderngl, owner), name, _TRANSFERS) for owner, names in _TRANSFERRING.items() for name in names]
-        try:
+        with ExitStack() as wrapped:
             for owner, name, stage in ends:
-                replaced.append((owner, name, owner.__dict__[name]))
-                setattr(owner, name, self.wrapped(owner.__dict__[name], stage))
+                wrapped.enter_context(patch.object(owner, name, self.wrapped(owner.__dict__[name], stage)))
             self._since = time.process_time()
             yield
             self._border()
-        finally:
-            for owner, name, function in replaced:
-                setattr(owner, name, function)
 
 
 class _CountingClock(Clock):

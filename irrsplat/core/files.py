@@ -94,6 +94,13 @@ def write_bytes(path: Pathlike, data: bytes) -> None:
     write_file(path, lambda part: part.write_bytes(data))
 
 
+def write_arrays(path: Pathlike, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write `arrays` as a compressed NPZ, completely or not at all; raises IrrsplatError if that fails."""
+    data = io.BytesIO()
+    np.savez_compressed(data, **arrays)  # type: ignore[arg-type]  # numpy's stub takes a further keyword for an array
+    write_bytes(path, data.getvalue())
+
+
 def write_picture(path: Pathlike, display: np.ndarray) -> None:
     """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG of 8 bits per channel, completely or not
     at all; raises IrrsplatError if that fails."""

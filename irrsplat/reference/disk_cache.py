@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.core.files import DAMAGE, _naming, write_file
+from irrsplat.core.files import DAMAGE, _naming, write_arrays
 from irrsplat.records.scene_stamp import hashed, stamp, texture_parts
 from irrsplat.scene.model import Camera, Scene
 
@@ -48,14 +48,9 @@ def read(path: Path) -> dict[str, np.ndarray] | None:
 
 def write(path: Path, arrays: dict[str, np.ndarray]) -> None:
     """Store `arrays`, whole or not at all; raises IrrsplatError if that fails."""
-
-    def fill(part: Path) -> None:
-        with open(part, "wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-
     with _naming(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-    write_file(path, fill)
+    write_arrays(path, arrays)
 
 
 def kept(name: str, find: Callable[[Path], Result | None], make: Callable[[], Result], notice: Callable[[str], object]) -> Result:

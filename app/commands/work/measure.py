@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import io
 import sys
 from collections.abc import Iterator
 from functools import partial
@@ -131,9 +130,7 @@ def _write(output: str | None, readings: Readings, unit: Unit, grid: Grid | None
             arrays["grid"] = np.array([grid.columns, grid.rows])
         if along is not None:
             arrays["along"] = along
-        data = io.BytesIO()
-        np.savez_compressed(data, **arrays)  # type: ignore[arg-type]  # numpy's stub takes a further keyword for an array
-        files.write_bytes(output, data.getvalue())
+        files.write_arrays(output, arrays)
 
 
 def _rows(readings: Readings, unit: Unit, along: np.ndarray | None, form: str) -> Iterator[list[str]]:
