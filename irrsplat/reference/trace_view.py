@@ -6,7 +6,7 @@ Importing this needs the extra `reference`. Functions of a `report` run in the p
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import mitsuba as mi
@@ -35,56 +35,53 @@ def trace(
     """
     width, height = size
     tracer = Tracer(scene)
-    places, centre, hit, albedo = _places(tracer, camera, size)
+    sites, valid, hit = _sites(tracer, camera, size)
     direct, changes = direct_light(tracer, camera, hit, size)
     if any(mesh.material.textures for mesh in scene.meshes):
-        hit = replace(hit, n=mi.Vector3f(places.normal.reshape(-1, 3).T), albedo=mi.Color3f(albedo.reshape(-1, 3).T))
-        direct = sum((image(hit.albedo * tracer.lit(light, hit)[0] / np.pi, size) for light in scene.lights), 0.0 * albedo)
-    seen, smooth = centre.seen, valid_pixels(centre.position, centre.smooth, centre.seen, scene.diagonal)
-    halves = _halves(tracer, places, side, bounces, 0, report)
+        normal, albedo = (values.reshape(-1, 3).T for values in (sites.normal, sites.albedo))
+        hit = replace(hit, n=mi.Vector3f(normal), albedo=mi.Color3f(albedo))
+        lit = (image(hit.albedo * tracer.lit(light, hit)[0] / np.pi, size) for light in scene.lights)
+        direct = sum(lit, 0.0 * sites.albedo)
+    seen, smooth = sites.seen, valid_pixels(sites.position, sites.smooth, sites.seen, scene.diagonal)
+    halves = _halves(tracer, sites, side, bounces, 0, report)
     sky = scene.sky_radiance(camera_rays(camera, size)).reshape(height, width, 3) if scene.own_sky else 0.0
     return {
         "halves": halves,
         "direct": np.where(seen[..., None], direct, 0.0).astype(np.float32),
-        "albedo": albedo.astype(np.float32),
-        "emission": np.where(seen[..., None], centre.emission, sky).astype(np.float32),
-        "normal": places.normal.astype(np.float32),
-        "tint": centre.tint.astype(np.float32),
-        "glow": centre.glow.astype(np.float32),
-        "opacity": centre.opacity.astype(np.float32),
+        "albedo": sites.albedo.astype(np.float32),
+        "emission": np.where(seen[..., None], sites.emission, sky).astype(np.float32),
+        "normal": sites.normal.astype(np.float32),
+        "tint": sites.tint.astype(np.float32),
+        "glow": sites.glow.astype(np.float32),
+        "opacity": sites.opacity.astype(np.float32),
         "seen": seen,
-        "valid": places.valid,
-        "clear": places.valid & (distance_to(changes | ~smooth) > FAR_FROM_EDGES),
+        "valid": valid,
+        "clear": valid & (distance_to(changes | ~smooth) > FAR_FROM_EDGES),
     }
 
 
-@dataclass(frozen=True)
-class _Places:
-    """Sites of irradiance, (H, W, …): the `seen` pixels, with positions, shading and geometric normals.
-
-    valid: the pixels for the comparison of irradiance.
-    """
-
-    seen: np.ndarray
-    position: np.ndarray
-    normal: np.ndarray
-    geometric: np.ndarray
-    valid: np.ndarray
-
-
-def _halves(tracer: Tracer, places: _Places, side: int, bounces: int, seed: int, report: Callable[[float], object]) -> np.ndarray:
+def _halves(tracer: Tracer, sites: Visible, side: int, bounces: int, seed: int, report: Callable[[float], object]) -> np.ndarray:
     """Return (2, H, W, 3) irradiance of `bounces`, side² samples of each kind per pixel and half, from the seeds after `seed`."""
-    p, n, g = (a[places.seen] for a in (places.position, places.normal, places.geometric))
-    found = np.zeros((2, len(p), 3), np.float32)
-    step = max(_PART // (side * side), 1)
-    parts = [slice(k, k + step) for k in range(0, len(p), step)]
-    for k, part in enumerate(parts):
-        for half in range(2):
-            found[half, part] = tracer.irradiance(p[part], n[part], g[part], side, seed + 2 * k + half + 1, bounces)
-        report((k + 1) / len(parts))
-    halves = np.zeros((2, *places.seen.shape, 3), np.float32)
-    halves[:, places.seen] = found
+    halves = np.zeros((2, *sites.seen.shape, 3), np.float32)
+    points = tuple(a[sites.seen] for a in (sites.position, sites.normal, sites.geometric))
+    halves[:, sites.seen] = _traced(tracer, points, side, bounces, seed, report)
     return halves
+
+
+def _traced(
+    tracer: Tracer, points: tuple[np.ndarray, ...], side: int, bounces: int, seed: int, report: Callable[[float], object]
+) -> np.ndarray:
+    """Return (2, N, 3) float32: irradiance like `_halves` at points, see `at_points`."""
+    count = len(points[0])
+    found = np.zeros((2, count, 3), np.float32)
+    step = max(_PART // (side * side), 1)
+    parts = [slice(k, k + step) for k in range(0, count, step)]
+    for k, part in enumerate(parts):
+        p, n, g = (a[part] for a in points)
+        for half in range(2):
+            found[half, part] = tracer.irradiance(p, n, g, side, seed + 2 * k + half + 1, bounces)
+        report((k + 1) / len(parts))
+    return found
 
 
 def refine(scene: Scene, camera: Camera, size: tuple[int, int], sides: Sequence[int], bounces: int, report: Report) -> None:
@@ -93,26 +90,27 @@ def refine(scene: Scene, camera: Camera, size: tuple[int, int], sides: Sequence[
     report: called with the finished share of all samples, and after each pass with `halves`, `seen` and `valid`, see `Traced`.
     """
     tracer, done, whole = Tracer(scene), 0.0, sum(side * side for side in sides)
-    places = _places(tracer, camera, size)[0]
+    sites, valid, _ = _sites(tracer, camera, size)
     for number, side in enumerate(sides):
         share = side * side / whole
         part = partial(lambda done, share, finished: report(done + share * finished), done, share)
-        halves = _halves(tracer, places, side, bounces, number * _SEEDS, part)
+        halves = _halves(tracer, sites, side, bounces, number * _SEEDS, part)
         done += share
-        report(done, {"halves": halves, "seen": places.seen, "valid": places.valid})
+        report(done, {"halves": halves, "seen": sites.seen, "valid": valid})
 
 
-def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Places, Visible, Hit, np.ndarray]:
-    """Return the sites at the pixels' centres, the surfaces there (H, W, …), the same in lanes, and the mean albedo (H, W, 3)."""
+def _sites(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[Visible, np.ndarray, Hit]:
+    """Return the surfaces at the pixels' centres (H, W, …), the pixels (H, W) for the comparison of irradiance, and the surfaces
+    in lanes. The first have the means of albedo and normal over a pixel."""
     middle = view(tracer, camera, size)
     hit, centre = surface(middle, camera), middle.image(size)
-    albedo, normal = centre.albedo, centre.normal
     if any(mesh.material.textures for mesh in tracer.scene.meshes):
         albedo, normal = over_pixels(tracer, camera, size, centre)
+        centre = replace(centre, albedo=albedo, normal=normal)
     valid = valid_pixels(centre.position, centre.smooth, centre.seen, tracer.scene.diagonal)
     valid &= ~image(hit.ambiguous, size)  # the side turned to the camera is ambiguous there
-    valid &= np.any(albedo > 0.0, axis=-1)  # a black emitter shows only its own light
-    return _Places(centre.seen, centre.position, normal, centre.geometric, valid), centre, hit, albedo
+    valid &= np.any(centre.albedo > 0.0, axis=-1)  # a black emitter shows only its own light
+    return centre, valid, hit
 
 
 def at_points(
@@ -126,10 +124,8 @@ def at_points(
 
     points: positions, shading and geometric normals, (N, 3) each. side: as for `trace`. report: called with the finished share.
     """
-    everywhere = np.ones((1, len(points[0])), bool)
-    position, normal, geometric = (np.asarray(a, np.float64)[None] for a in points)
-    where = _Places(everywhere, position, normal, geometric, everywhere)
-    mean: np.ndarray = _halves(Tracer(scene), where, side, bounces, 0, report)[:, 0].mean(0)
+    places = tuple(np.asarray(a, np.float64) for a in points)
+    mean: np.ndarray = _traced(Tracer(scene), places, side, bounces, 0, report).mean(0)
     return mean
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +46,7 @@ class _Property:
 class _Element:
     name: str
     length: int
-    properties: tuple[_Property, ...]
+    properties: list[_Property] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -121,12 +121,10 @@ def _header(path: Path, text: str) -> tuple[str, list[_Element], bool]:
             elif words[0] == "format":
                 order = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}[words[1]]
             elif words[0] == "element":
-                elements.append(_Element(words[1], max(int(words[2]), 0), ()))
+                elements.append(_Element(words[1], max(int(words[2]), 0)))
             elif words[0] == "property":
-                column = _Property(words[4], _TYPES[words[3]], _TYPES[words[2]]) if words[1] == "list" else None
-                column = column or _Property(words[2], _TYPES[words[1]])
-                last = elements.pop()
-                elements.append(_Element(last.name, last.length, (*last.properties, column)))
+                name, kind, count = (words[4], words[3], _TYPES[words[2]]) if words[1] == "list" else (words[2], words[1], "")
+                elements[-1].properties.append(_Property(name, _TYPES[kind], count))
         except (KeyError, IndexError, ValueError):
             raise InputError(f"this is no line of a PLY header: {quote(line.strip())}; export it again", path, i) from None
     if not order:
