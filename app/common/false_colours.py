@@ -11,7 +11,7 @@ import numpy as np
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import Pathlike
-from irrsplat.meter.light_scale import LightScale, round_above
+from irrsplat.meter.light_scale import LightScale, brightest, round_above
 
 if TYPE_CHECKING:
     from irrsplat.image.frame import Frame
@@ -74,8 +74,6 @@ class FalseColours:
 
     def settle(self, frame: Frame, renderer: Renderer, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """Return the frame's light and depth, (H, W) each; set an automatic end of the scale above the light."""
-        from irrsplat.image.output import false_colours
-
         direct = renderer.read_direct_irradiance(camera) if self.buffer == "light" else 0.0
         values: np.ndarray = getattr(frame, "irradiance" if self.buffer == "light" else self.buffer)
         light = (direct + values) @ self.scale.weights
@@ -83,7 +81,7 @@ class FalseColours:
         if self.buffer in ("image", "emission"):  # a visible sky counts as light
             depth = np.where(np.isfinite(depth) | (light > 0.0), np.minimum(depth, np.float32(1e9)), depth)
         if self.scale.highest is None:
-            self.scale = replace(self.scale, highest=round_above(false_colours.brightest(light, depth)))
+            self.scale = replace(self.scale, highest=round_above(brightest(light[np.isfinite(depth)])))
         return light, depth
 
     @property

@@ -7,10 +7,9 @@ import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import platformdirs
-
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import write_text
+from irrsplat.core.paths import user_folder
 from irrsplat.scene import bundled
 
 RECENT = 10  # the greatest number of recent scenes
@@ -37,10 +36,8 @@ class Preferences:
 
 def folder() -> Path:
     """Return the folder of the file: the one in IRRSPLAT_CONFIG, else the user's own. Raises IrrsplatError for none."""
-    if named := os.environ.get("IRRSPLAT_CONFIG"):
-        return Path(named)
-    found = platformdirs.user_config_path("irrsplat", appauthor=False)
-    if not found.is_absolute():
+    found = user_folder("config")
+    if found is None:
         raise IrrsplatError("there is no home folder for the preferences; name a folder in IRRSPLAT_CONFIG")
     return found
 

@@ -10,6 +10,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import spelled
@@ -38,13 +39,14 @@ def folder(name: str) -> Path:
     raise FileNotFoundError(f"the bundled folder '{name}' is missing; install irrsplat again")
 
 
-def cache_folder() -> Path | None:
-    """Return the folder IRRSPLAT_CACHE, else the user's cache folder; None for a user without a home."""
-    if named := os.environ.get("IRRSPLAT_CACHE"):
+def user_folder(kind: Literal["cache", "config"]) -> Path | None:
+    """Return the folder IRRSPLAT_CACHE or IRRSPLAT_CONFIG, else the user's own of this kind; None for a user without a home."""
+    if named := os.environ.get(f"IRRSPLAT_{kind.upper()}"):
         return Path(named)
     import platformdirs
 
-    found = platformdirs.user_cache_path("irrsplat", appauthor=False)
+    own = {"cache": platformdirs.user_cache_path, "config": platformdirs.user_config_path}[kind]
+    found = own("irrsplat", appauthor=False)
     return found if found.is_absolute() else None
 
 

@@ -68,6 +68,11 @@ class LightScale:
         return low * (high / low) ** place if self.logarithmic else high * place
 
 
+def brightest(light: np.ndarray) -> float:
+    """Return the automatic upper end of a scale for visible `light` (N,): a high percentile, 0 for none."""
+    return float(np.percentile(light, PERCENTILE)) if len(light) else 0.0
+
+
 def round_above(value: float) -> float:
     """Return the least 1, 2 or 5 times a power of ten that is at least `value`; 1 for values up to 0."""
     if not value > 0.0:

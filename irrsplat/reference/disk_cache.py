@@ -20,7 +20,7 @@ Result = TypeVar("Result")
 
 def folder() -> Path:
     """Return the cache folder: IRRSPLAT_CACHE, else the user's cache folder; raises IrrsplatError if there is none."""
-    found = paths.cache_folder()
+    found = paths.user_folder("cache")
     if found is None:
         raise IrrsplatError("there is no home folder for the references; name a folder in IRRSPLAT_CACHE")
     return found

@@ -45,7 +45,7 @@ def test_folders_that_are_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
         paths.folder("nowhere")
     monkeypatch.delenv("IRRSPLAT_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", "/var/a cache")
-    found = paths.cache_folder()
+    found = paths.user_folder("cache")
     assert found is not None and found.name == "irrsplat"
 
 

@@ -172,7 +172,7 @@ def test_a_truth_is_kept_and_found_again(tmp_path: Path, monkeypatch: pytest.Mon
     assert all(line.endswith("damaged; the reference is computed again") for line in said)
     found = kept(scene, scene.camera(), size, "all", 8)
     assert found is not None and np.array_equal(found.halves, made.halves)
-    monkeypatch.setattr(paths, "cache_folder", lambda: None)
+    monkeypatch.setattr(paths, "user_folder", lambda kind: None)
     assert np.array_equal(find().direct, made.direct) and len(calls) == 4
     assert said[-1] == "there is no home folder for the references; name a folder in IRRSPLAT_CACHE"
 

@@ -11,7 +11,7 @@ from irrsplat.app.viewer.buffers.shown_buffer import Identity
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gpu.target import some_rows
 from irrsplat.image.view import View
-from irrsplat.meter.light_scale import PERCENTILE
+from irrsplat.meter.light_scale import brightest
 from irrsplat.renderer import Renderer
 
 _TIME = 0.25  # seconds: the time constant of the adaptation
@@ -65,9 +65,8 @@ class AutoExposure:
 
 
 def brightest_light(renderer: Renderer, view: View) -> float:
-    """Return the percentile PERCENTILE of the light in the view, luminance-weighted W/m²: the upper end of false colours."""
+    """Return the brightest light in the view, luminance-weighted W/m²: the upper end of false colours."""
     textures = view.gbuffer.position, view.sums, renderer.direct_irradiance(view)
     position, sums, direct = (some_rows(texture, _ROWS) for texture in textures)
     light = (direct[:, :3] + sums[:, :3] / np.where(sums[:, 3:] > 0.0, sums[:, 3:], 1.0)) @ LUMINANCE
-    seen = position[:, 3] > 0.0
-    return float(np.percentile(light[seen], PERCENTILE)) if seen.any() else 0.0
+    return brightest(light[position[:, 3] > 0.0])

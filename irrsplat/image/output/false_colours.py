@@ -6,18 +6,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from irrsplat.core.files import eight_bits
-from irrsplat.meter.light_scale import PERCENTILE, STEPS, LightScale, false_colours
+from irrsplat.meter.light_scale import STEPS, LightScale, false_colours
 
 GROUND = (0.11, 0.11, 0.12)  # display colour of the legend and of pixels without a surface
 LINE = 0.35  # brightness of an isoline
 SAME = 0.02  # relative difference in depth of neighbouring pixels on one surface
 _TEXT = (0.92, 0.92, 0.90)
-
-
-def brightest(light: np.ndarray, depth: np.ndarray) -> float:
-    """Return the automatic upper end of a scale for `light` (H, W): a high percentile of the visible values."""
-    seen = np.isfinite(depth)
-    return float(np.percentile(light[seen], PERCENTILE)) if seen.any() else 0.0
 
 
 def coloured(light: np.ndarray, depth: np.ndarray, scale: LightScale) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.timing import clock, other_process
 from irrsplat.meter.light_meter import LightMeter
-from irrsplat.meter.light_scale import PERCENTILE, LightScale
+from irrsplat.meter.light_scale import LightScale, brightest
 from irrsplat.meter.plane import Plane, horizontal
 from irrsplat.meter.readings import Readings
 from irrsplat.scene.model import Scene
@@ -50,8 +50,7 @@ class MeasuredPlane:
     @property
     def scale(self) -> LightScale:
         """The scale of false colours. Its upper end is a round number for the readings of the plane."""
-        watts = (self.readings.total @ LUMINANCE)[self.readings.counts]
-        return LightScale().up_to(float(np.percentile(watts, PERCENTILE)) if len(watts) else 0.0)
+        return LightScale().up_to(brightest((self.readings.total @ LUMINANCE)[self.readings.counts]))
 
 
 class MeasuringPlane:
