@@ -5,7 +5,6 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import cast
 
 import irrsplat
 from irrsplat.app.bench import compare, machine
@@ -50,7 +49,7 @@ def run(args: Namespace) -> int:
         written = {"machine": about, "runs": [asdict(run) for run in runs]}
         if earlier is not None:
             out(f"\nagainst {args.compare}")
-            out("\n".join(compare.table(earlier, [cast(compare.EarlierRun, asdict(run)) for run in runs])))
+            out("\n".join(compare.table(earlier, runs)))
     if args.json is not None:
         write_text(args.json, json_text(written) + "\n")
     return 0

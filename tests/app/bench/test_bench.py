@@ -171,10 +171,15 @@ def row(case: str = "empty", seconds: float = 1.0, **more: Any) -> Any:
     return {"scene": "a", "preset": "default", "size": [8, 8], "case": case, "seconds": seconds, "rmse": None} | more
 
 
-def test_a_comparison_has_the_ratio_of_times() -> None:
+def test_a_comparison_has_the_ratio_of_times(tmp_path: Path) -> None:
     """2 s then and 0.5 s now have the ratio 4. Rows with different bounces are not compared; unmatched rows are listed."""
-    then = [row(seconds=2.0, rmse=0.02), row("warm"), row("moved")]
-    now = [row(seconds=0.5, rmse=0.01), row("warm", bounces=2), row("moved", bounces=1)]
+
+    def read(*rows: Any) -> list[cases.Run]:
+        (tmp_path / "bench.json").write_text(json.dumps({"runs": rows}))
+        return compare.read(str(tmp_path / "bench.json"))
+
+    then = read(row(seconds=2.0, rmse=0.02), row("warm"), row("moved"))
+    now = read(row(seconds=0.5, rmse=0.01), row("warm", bounces=2), row("moved", bounces=1))
     head, *lines = compare.table(then, now)
     assert head.split()[:4] == ["scene", "preset", "size", "bounces"]
     assert lines[0].split() == ["a", "default", "8x8", "1", "empty", "2.000", "0.500", "4.00", "2.0%", "1.0%", "faster"]
