@@ -15,6 +15,7 @@ from irrsplat.gpu.world import World
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, Seen
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.reference.truth import errors
 from irrsplat.scene.model import Scene
 
 SIDE = 128  # of a square of rays: 16 thousand directions
@@ -30,11 +31,8 @@ class Truth:
     irradiance: np.ndarray
 
     def error(self, irradiance: np.ndarray) -> float | None:
-        """Return √mean((E − E_ref)²)/mean(E_ref) of a picture (H, W, 3), over pixels and channels; None without light."""
-        E_ref = self.irradiance.astype(float)
-        if not E_ref.any():
-            return None
-        return float(np.sqrt(np.mean((irradiance[tuple(self.pixels.T)] - E_ref) ** 2)) / E_ref.mean())
+        """Return the relative RMSE of a picture (H, W, 3), see `errors`; None without light."""
+        return errors(irradiance[tuple(self.pixels.T)], self.irradiance)["rmse"]
 
 
 def chosen(seen: Seen, scene: Scene, count: int) -> np.ndarray:

@@ -86,7 +86,7 @@ def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:
     with an error of any channel above 30 % of the mean.
     """
     E_ref = E_ref.astype(float)
-    error, mean = E - E_ref, E_ref.mean()
+    error, mean = E - E_ref, E_ref.mean() if E_ref.size else 0.0
     if not mean:
         return {"rmse": None, "bias": None, "outliers": None}
     return {
@@ -107,9 +107,6 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
         raise InputError(f"the frame is of shape {frame.irradiance.shape}, but the truth of shape {truth.direct.shape}")
     if not truth.valid.any():
         raise InputError(NOTHING)
-    L_ref = truth.direct[truth.clear].astype(float)
-    off = frame.direct[truth.clear] - L_ref
-    direct = float(np.sqrt(np.mean(off**2)) / L_ref.mean()) if L_ref.any() else None
     found = errors(frame.irradiance[truth.valid], truth.irradiance[truth.valid])
     rmse, noise = found["rmse"], truth.noise
     net = None if rmse is None or noise is None else math.sqrt(max(rmse**2 - noise**2, 0.0))
@@ -117,7 +114,7 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
     return found | {
         "net": net,
         "spots": spots(frame.irradiance, truth.irradiance, truth.valid),
-        "direct": direct,
+        "direct": errors(frame.direct[truth.clear], truth.direct[truth.clear])["rmse"],
         "albedo": albedo,
         "normal": median_angle(frame.normal, truth.normal, truth.valid),
     }
