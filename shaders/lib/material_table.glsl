@@ -7,7 +7,7 @@
 
 uniform sampler2D material_table;  // per material one column of MATERIAL_ROWS texels, TABLE_COLUMNS columns side by side
 
-// Return a row of a material in the table; irrsplat/core/material_layout.py lists the rows.
+// Return a row of a material in the table; MaterialRow in irrsplat/core/buffers.py lists the rows.
 vec4 material_row(int material, int row)
 {
     return texel_at(material_table, ivec2(material & (TABLE_COLUMNS - 1), (material >> TABLE_SHIFT) * MATERIAL_ROWS + row));
@@ -24,7 +24,7 @@ Material material_factors(Vertex point)
 #if TEXTURES
 uniform sampler2DArray texture_layers;  // rgb: linear colour times alpha; a: alpha
 
-// Return a texture coordinate after wrapping; wrap: index in WRAPS of material_layout.py (0: repeat). margin: half a texel of the
+// Return a texture coordinate after wrapping; wrap: its number in MaterialRow (0: repeat). margin: half a texel of the
 // coarser of the two sampled levels, so that clamped and mirrored textures do not blend with the opposite edge.
 float wrapped(float x, int wrap, float margin)
 {
