@@ -56,7 +56,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from irrsplat.app.commands.work import measure as measuring
+    from irrsplat.app.work import measure as measuring
 
     measuring.check(args)
 

@@ -36,7 +36,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from irrsplat.app.verify import verify as verification
+    from irrsplat.app.work import verify as verification
 
     preset(args.preset, **args.values)
     verification.check(args)

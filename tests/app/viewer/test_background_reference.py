@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from irrsplat.app.verify.verify import signed_error
 from irrsplat.app.viewer import actions
 from irrsplat.app.viewer.buffers.background_reference import Estimate, TracedReference
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
+from irrsplat.app.work.verify import signed_error
 from irrsplat.image.tonemap import show
 from irrsplat.image.view import read
 from irrsplat.scene.camera_path import Path
