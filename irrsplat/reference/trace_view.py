@@ -1,14 +1,16 @@
-"""A path-traced view: irradiance in two halves, direct light, and the pixels for comparison.
+"""A path-traced view: irradiance in two halves and by time, direct light, and the pixels for comparison.
 
 Importing this needs the extra `reference`. Functions of a `report` run in the process that `irrsplat.reference.worker` starts.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -16,6 +18,7 @@ from irrsplat.core.timing.other_process import Report
 from irrsplat.reference.camera_view import Visible, camera_rays
 from irrsplat.reference.lanes import lights
 from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view
+from irrsplat.reference.timed_levels import JudgedView, TimedLevels, levels
 from irrsplat.scene.model import Camera, Scene
 
 ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
@@ -24,6 +27,7 @@ FAR_FROM_EDGES = 3  # pixels: least distance of compared direct light from a sha
 _FINE = 4  # textures are sampled at side² points of every pixel
 _PART = 1 << 22  # samples between two reports of progress
 _SEEDS = 1 << 20  # more than the seeds of one pass
+_TIMED = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # sides of the stratified grids of a point's samples in the benchmark
 
 
 def trace(
@@ -127,6 +131,23 @@ def at_points(
     places = tuple(np.asarray(a, np.float64) for a in points)
     mean: np.ndarray = _traced(Tracer(scene), places, side, bounces, 0, report).mean(0)
     return mean
+
+
+def timed(scene: Scene, bounces: int, view: JudgedView, report: Callable[[float], object]) -> TimedLevels:
+    """Return times and errors of irradiance with `bounces` at the points of a view."""
+    start = time.perf_counter()
+    tracer, p, n, g, few = Tracer(scene), view.position, view.normal, view.geometric, slice(0, 256)
+    load = time.perf_counter() - start
+
+    def compiled(count: int) -> None:
+        tracer.irradiance(p[few], n[few], g[few], round(count**0.5), 1, bounces)
+
+    def irradiance(count: int) -> np.ndarray:
+        side = round(count**0.5)
+        return tracer.irradiance(p, n, g, side, 1 + side, bounces)  # with new strata
+
+    found = levels(irradiance, [side * side for side in _TIMED], view, report, compiled)
+    return {"load": load, "threads": dr.thread_count(), "levels": found}
 
 
 def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: Visible) -> tuple[np.ndarray, np.ndarray]:
