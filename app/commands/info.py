@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import platform
 from collections.abc import Iterable
-from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from irrsplat import __version__
@@ -123,6 +121,9 @@ def _bundled() -> None:
 
 def run_doctor(args: argparse.Namespace) -> int:
     """Print versions and OpenGL; return 0 if it suffices, else raise IrrsplatError with the remedy."""
+    import platform
+    from importlib import metadata  # takes 25 ms, which other commands do without
+
     out(f"irrsplat    {__version__}")
     out(f"python      {platform.python_version()} on {platform.platform()}")
     missing = []

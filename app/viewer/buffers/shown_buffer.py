@@ -77,7 +77,7 @@ def clear(target: Target, colour: tuple[float, float, float], region: Region | N
 
 
 def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> Uniforms:
-    """Return the uniforms of shaders/viewer/markers/hidden.glsl and of all programs that draw in the view.
+    """Return the uniforms of shaders/viewer/markers/plane.frag and of all programs that draw in the view.
 
     With depth clamp on, the planes of `clip_from_world` at 1e-3 and 1e3 m clip nothing.
     """
