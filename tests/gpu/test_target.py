@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat.app.viewer.buffers.shown_buffer import Picture
 from irrsplat.core.errors import GLError
 from irrsplat.gpu.target import Target, float_texture
 
@@ -36,4 +37,6 @@ def test_a_driver_without_memory_is_one_line(ctx: moderngl.Context, monkeypatch:
     for options in ({"depth": True}, {"depth": False}, {"textures": [mine]}):
         with pytest.raises(GLError, match=r"takes no 3x2 pixels \(the framebuffer is not complete .* take a smaller size"):
             Target(ctx, (3, 2), () if "textures" in options else (4,), **options)
+    with pytest.raises(GLError, match="takes no 3x2 pixels"):  # the picture in a viewer's window
+        Picture(ctx, (3, 2))
     assert not isinstance(mine.mglo, moderngl.InvalidObject)

@@ -13,7 +13,7 @@ from irrsplat.app.viewer.buffers.background_reference import TracedReference
 from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.color import srgb
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Region, Target, texel
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
@@ -29,7 +29,7 @@ class Picture(Target):
     """Display colours, opaque over the cleared window. filter: by which the window enlarges them. alpha: "A" for transparency."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], filter: int = moderngl.NEAREST, alpha: str = "1") -> None:
-        texture = ctx.texture(size, 4)
+        texture = self.own(ctx.texture(size, 4))
         texture.swizzle, texture.filter = f"RGB{alpha}", (filter, filter)
         texture.repeat_x = texture.repeat_y = False
         super().__init__(ctx, size, textures=[texture])
@@ -38,9 +38,6 @@ class Picture(Target):
         """Return display values 0..1 (H, W, 4), top row first."""
         texture = self.textures[attachment]
         return np.frombuffer(texture.read(), "u1").reshape(texture.height, texture.width, 4)[::-1] / np.float32(255.0)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.gl, *self.textures)
 
 
 class Programs(Owner):
