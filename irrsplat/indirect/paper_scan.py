@@ -148,7 +148,7 @@ def gather_record(gather: Gather, light: HitLight, site: Sites) -> np.ndarray:
 
 def _sky(scene: Scene, atlas: Atlas) -> np.ndarray:
     """Return (3,) the radiance of a uniform sky, or (H, W, 3) the radiance in the directions of the texels."""
-    if scene.environment is None and not any(scene.sky_gradient):
+    if scene.uniform_sky:
         return np.asarray(scene.sky, "f4")
     frames, table = atlas.frames, _cell(atlas, atlas.table)
     frame = np.frombuffer(frames.read(), "f4").reshape(frames.height, frames.width, 4)[:3, 0, :3]

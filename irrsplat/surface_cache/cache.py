@@ -94,7 +94,7 @@ class SurfaceCache(Owner):
     @property
     def current(self) -> bool:
         """True if lookups find values of about the present light. Moved meshes change little of the light."""
-        return self._in_use.complete or self._level.changes or not self._outdated
+        return self._in_use.complete or (self._level.changes and self.follows) or not self._outdated
 
     @property
     def follows(self) -> bool:
@@ -147,13 +147,14 @@ class SurfaceCache(Owner):
         level, coarse = self._level, self._coarse
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
+        outdated = self._outdated
         self._relit |= change.changes_light and change.dimming is None
         level.change(settings, change, difference)
         if coarse is not None and change.moved and level.follower is not None:  # the values of the full level follow
             self._coarse, self._in_use = None, level
             coarse.release()
-        elif coarse is not None:
-            coarse.change(settings, change)
+        elif coarse is not None:  # coarse values would never be complete while light changes in every tick
+            coarse.change(settings, change, finish=outdated)
 
     def expire(self) -> None:
         """Gather all again."""

@@ -202,7 +202,7 @@ class SiteChooser:
     def _known_values(self, members: Members) -> np.ndarray:
         """Return (M,) the numbers of the members' values that need no gather, else -1."""
         value = np.full(len(members), -1)
-        if self.scene.environment is None and not any(self.scene.sky_gradient):  # otherwise the value depends on the normal
+        if self.scene.uniform_sky:  # otherwise the value depends on the normal
             value[clustering.sees_nothing(members, self.scene.bounds)] = SKY_VALUE
         value[~members.geometric.any(1)] = DARK_VALUE  # members of triangles without area, as in hidden meshes
         return value

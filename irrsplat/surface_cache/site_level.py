@@ -62,6 +62,7 @@ class SiteLevel(Owner):
         self._unlit = world.unlit_interiors  # of the scene that the sites are of
         self._still = np.inf  # frames since the scene has changed
         self._moved = False  # True if meshes have moved since the choice of the sites
+        self._mixed = False  # True if the values that are being made are of light before and after a change
         self.shown: SurfaceSites | None = None
         self.complete = False
         self.sites: SurfaceSites | None = None
@@ -111,24 +112,30 @@ class SiteLevel(Owner):
         known = shown is not None and (shown.transport is not None or self.settings.most_bounces == 2)
         return self.complete and shown is self.sites and known
 
-    def change(self, settings: Settings, change: SceneChange, difference: LightDifference | None = None) -> None:
+    def change(
+        self, settings: Settings, change: SceneChange, difference: LightDifference | None = None, finish: bool = False
+    ) -> None:
         """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones.
 
-        difference: of the light, if it may be added, see `may_add`.
+        difference: of the light, if it may be added, see `may_add`. finish: True if half-made values are completed first.
         """
         self.difference, self._before = difference, self.light
         unlit, self._unlit = self._unlit, self.world.unlit_interiors
         old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
         other_light = old.light_samples != settings.light_samples or old.shadow_size != settings.shadow_size
-        # sites without a place; other reflectances; which sites share a value depends on whether the sky is the same all around
+        alike = unlit == self._unlit and change.old.uniform_sky == change.new.uniform_sky
+        if finish and relit and alike and not moved and settings == old and 0.0 < self.progress < 1.0:
+            self._mixed = True
+            return
+        # sites without a place; other reflectances
         if change.hides or change.repainted or change.other_sky or other_rays:
             self._forget_transport()
         if (moved or relit) and self.follower is not None and not self.follower.begun:  # changed before any shadow map
             self.follower = None
         if moved and self.follower is not None:
             self.follower.move(change)
-        elif moved or unlit != self._unlit or change.other_sky:
+        elif moved or not alike:
             self._drop_sites()
         if change.dimming is not None:
             self._dim(change.dimming)
@@ -201,6 +208,10 @@ class SiteLevel(Owner):
         except BaseException:  # a generator that was interrupted is over
             self._steps = _Steps()
             raise
+        if self._mixed:
+            self._mixed = False
+            self._forget_transport()
+            self.expire()
         return True
 
     def _add(self, difference: LightDifference, sites: SurfaceSites, budget: Budget) -> bool:

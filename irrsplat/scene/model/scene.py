@@ -99,6 +99,11 @@ class Scene:
         """All values that the sky's radiance depends on."""
         return self.sky, self.sky_gradient, self.up if any(self.sky_gradient) else None, self.own_sky, self.environment
 
+    @property
+    def uniform_sky(self) -> bool:
+        """True if the radiance of the sky is equal in all directions."""
+        return self.environment is None and not any(self.sky_gradient)
+
     @cached_property
     def materials(self) -> dict[Material, int]:
         """The distinct materials of its meshes, with their numbers."""
