@@ -478,8 +478,7 @@ class RecordGatherer(Owner):
 
         Their surface cache is made when further records are gathered.
         """
-        complete = self.surface is None or self.surface.complete
-        self._basis = replace(self._basis, moved=False, from_file=None if complete else bounces)
+        self._basis = replace(self._basis, moved=False, from_file=bounces if self.awaits_light else None)
 
     @property
     def surface_share(self) -> float:
