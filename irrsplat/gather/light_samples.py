@@ -19,7 +19,7 @@ from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
 from irrsplat.lighting.virtual_lights import VirtualLights, virtual_lights
 
 _RAYS = 64  # of a fragment in one draw: llvmpipe silently ends a shader's loops after 65 536 iterations in all
-_VIRTUAL_SHARE = 0.25  # of a record's rays: greatest number of virtual point lights
+SAMPLE_SHARE = 0.25  # of the rays: greatest number of virtual point lights, and of a site's samples of emitters
 
 Free = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as LightSamples.free
 
@@ -37,7 +37,7 @@ class LightSearch:
         self.embree = embree
         self._emitter_samples = samples if samples > 0 and emitter_table(world) is not None else 0
         # more virtual point lights do not reduce the noise of the rays
-        self._virtual_samples = min(samples, max(int(_VIRTUAL_SHARE * np.pi * rays), 1))
+        self._virtual_samples = min(samples, max(int(SAMPLE_SHARE * np.pi * rays), 1))
         # True if virtual point lights are possible at any place of the world's lights: a shader define
         self._may_be_virtual = samples > 0 and bool(world.scene.lights)
 

@@ -9,6 +9,7 @@ import numpy as np
 from irrsplat.core.buffers import HitLight, ShadowMaps
 from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import ray_kind
+from irrsplat.gather.light_samples import SAMPLE_SHARE
 from irrsplat.gather.record_frame import FEW_RAYS, PLACES, places_of_texels, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.stratified import LEAST_SIDE
@@ -29,7 +30,6 @@ from irrsplat.surface_cache.visibility import VisibilityPass
 RAYS = 1_000_000  # about, of all sites: among many sites, more of them light a record
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
 _MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 20 bytes of the transport
-_LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 
 
 class SiteRays(Owner):
@@ -69,7 +69,7 @@ class SiteRays(Owner):
     def _gather(self, name: str, side: int, survey: bool = False) -> TraceGather:
         """Return rays of this side from the places of sites, with the sites that they meet, compiled for the scene's kinds of
         lights. survey: from the sites themselves, with the places where they meet others."""
-        lights, samples = light_defines(self.world.scene), min(self.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
+        lights, samples = light_defines(self.world.scene), min(self.settings.light_samples, int(SAMPLE_SHARE * side**2))
         embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
         return self._made.get(
             name,
