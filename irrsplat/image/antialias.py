@@ -84,12 +84,13 @@ class Antialiaser(Owner):
                     if budget.limited:
                         self.ctx.finish()
                         last_seconds = now() - start
-            except KeyboardInterrupt:
+            except BaseException as error:  # a generator that was interrupted is over
                 self._sample = None
-                if budget.limited:
+                if budget.limited or not isinstance(error, KeyboardInterrupt):
                     raise
-        if done > self._sampled.samples:
-            self._sampled = replace(self._sampled, samples=done)  # a new object, since the textures have new contents
+            finally:
+                if done > self._sampled.samples:
+                    self._sampled = replace(self._sampled, samples=done)  # a new object, since the textures have new contents
         return self._sampled
 
 

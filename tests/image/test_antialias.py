@@ -13,7 +13,7 @@ import pytest
 import irrsplat
 from irrsplat import Renderer
 from irrsplat.core.buffers import CHANNELS, GBuffer
-from irrsplat.core.timing.input_waits import checked_by
+from irrsplat.core.timing.input_waits import InputWaits, checked_by
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.image.antialias import MeanPass, jittered, sample_offset
 from irrsplat.image.backdrop import Backdrop
@@ -187,6 +187,22 @@ def test_ticks_add_stages_of_samples_and_come_to_what_a_render_has() -> None:
         image = pixels(renderer.accumulate(view, 5).image)[..., :3].copy()
         renderer.change(replace(renderer.settings, samples=5))
         assert np.array_equal(image, renderer.render().image)
+
+
+def test_a_sample_that_input_interrupts_is_drawn_again() -> None:
+    """The light moves after the view is drawn: its second sample needs shadow maps, and input waits once they are drawn."""
+
+    def direct(interrupted: bool) -> np.ndarray:
+        with Renderer(room(), SIZE, **FAST) as renderer:
+            renderer.render()
+            view = renderer.frame()[0]
+            renderer.relight([point_light((-0.5, 0.6, 0.2), 3.0)])
+            if interrupted:
+                with checked_by(lambda: True), pytest.raises(InputWaits):
+                    renderer.accumulate(view, 2)
+            return pixels(renderer.accumulate(view, 2).direct).copy()
+
+    assert np.array_equal(direct(interrupted=True), direct(interrupted=False))
 
 
 @pytest.mark.parametrize("tile_size", [0, 20])
