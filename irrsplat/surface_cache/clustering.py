@@ -15,7 +15,9 @@ from irrsplat.surface_cache.tessellation import Tessellation
 # any rotation that turns walls away from the axes
 _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]])).Q
 _WITHIN = 62  # the bit of a key that marks an inner side
-_BLOCKS = 3.0, 12.0  # steps of near_sites: sides of the blocks searched for a site; the wide one if the small one is empty
+# Sides in steps of the blocks that near_sites searches in turn, and True if a block must have all requested sites. Blocks of 3
+# steps have hundreds of sites in dense models.
+_BLOCKS = (1.5, True), (3.0, False), (12.0, False)
 _AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
 _MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
 _MIN_COSINE = 0.3  # least cosine between normals of a member and its site
@@ -169,12 +171,13 @@ class Clusters:
 def near_sites(members: Members, requesting: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:
     """Return (N, most), the nearest sites to each of the members `requesting` (N,), the nearest first, as indices into `sites`.
 
-    Sites face alike and lie in a member's block, in a small one if there are any. Entries are -1 where there are no more.
+    Sites face alike and lie in a member's block, the smallest one with enough of them. Entries are -1 where there are no more.
     requesting, sites: as numbers of members. Distance combines places and normals: `size` metres count as much as 60° between
     normals.
     """
     found = np.full((len(requesting), most), -1)
-    for block in _BLOCKS:
+    (place, normal), (site_place, site_normal) = ((members.position[of], members.normal[of]) for of in (requesting, sites))
+    for block, full in _BLOCKS:
         left = np.flatnonzero(found[:, 0] < 0)
         both = np.concatenate([sites, requesting[left]])
         blocks = voxel_keys(members.position[both], members.normal[both], block * size) >> 8  # without the normals' parts
@@ -186,14 +189,16 @@ def near_sites(members: Members, requesting: np.ndarray, sites: np.ndarray, size
             begin, end = (np.searchsorted(known, requested, side) for side in ("left", "right"))
             member, counts = np.repeat(some, end - begin), np.cumsum(end - begin)
             site = order[np.arange(len(member)) + np.repeat(end - counts, end - begin)]
-            turned = np.einsum("nx,nx->n", members.normal[requesting[member]], members.normal[sites[site]])
+            # `take` of rows is four times as fast as an index
+            turned = np.einsum("nx,nx->n", normal.take(member, 0), site_normal.take(site, 0))
             member, site, turned = (of[turned > _MIN_COSINE] for of in (member, site, turned))
-            apart = (members.position[requesting[member]] - members.position[sites[site]]) / np.float32(size)
-            distance = np.einsum("nx,nx->n", apart, apart) - 2.0 * turned  # without 2, as |a - b|² = 2 - 2 a·b of unit normals
-            near = np.lexsort((distance, member))
+            apart = (place.take(member, 0) - site_place.take(site, 0)) / np.float32(size)
+            distance = np.einsum("nx,nx->n", apart, apart) + (2.0 - 2.0 * turned)  # |a - b|² = 2 - 2 a·b of unit normals
+            near = np.argsort(member + distance / (3.0 * block**2 + 4.0), kind="stable")  # by member, then by distance
             rank = np.arange(len(near)) - np.searchsorted(member[near], member[near])
             near, rank = near[rank < most], rank[rank < most]
             found[member[near], rank] = site[near]
+            found[some[found[some, (most - 1) * full] < 0]] = -1
     return found
 
 
