@@ -40,9 +40,10 @@ def coloured(light: Light, *factor: float) -> Light:
 
 
 def gathered_afresh(renderer: Renderer) -> dict[str, np.ndarray]:
-    """Return the values of the renderer's records, gathered at their places by a new renderer of the same scene."""
+    """Return the values of the renderer's records, gathered at their places along as many rays by a new renderer of the scene."""
     with Renderer(renderer.scene, renderer.size, ctx=renderer.ctx, **vars(renderer.settings)) as fresh:
         fresh.cache.append(renderer.cache.sites(slice(0, renderer.cache.count)))
+        fresh.cache.column("gather_size")[:] = renderer.cache.column("gather_size")
         fresh.cache.invalidate()
         shadows, gbuffer = fresh.draw_shadows(), fresh.draw_gbuffer(renderer.scene.camera())
         assert fresh.scheduler.gatherer.prepare(shadows, Budget(None))
