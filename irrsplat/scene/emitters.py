@@ -95,17 +95,25 @@ def sums_in_place(corners: np.ndarray, values: np.ndarray) -> np.ndarray:
         same = np.flatnonzero(side[order[apart:]] == side[order[:-apart]])
         a, b = order[same] // 3, order[same + apart] // 3
         codes += [a * count + b, b * count + a]
-    one, other = np.divmod(np.unique(np.concatenate(codes)), max(count, 1))
-    a, u, v = corners[other, 0], corners[other, 1] - corners[other, 0], corners[other, 2] - corners[other, 0]
+    pairs = np.sort(np.concatenate(codes))
+    one, other = np.divmod(pairs[np.diff(pairs, prepend=-1) > 0], max(count, 1))
+    own, (a, b, c) = corners.take(one, 0), corners.take(other, 0).swapaxes(0, 1)
+    u, v = b - a, c - a
     normal, sums = cross(u, v), values.astype(float)
-    square = np.maximum((normal**2).sum(1), 1e-300)
-    thin = _THIN * np.sqrt(np.maximum((u**2).sum(1), (v**2).sum(1)) * square)
+    square = np.maximum(_dots(normal, normal), 1e-300)
+    thin = _THIN * np.sqrt(np.maximum(_dots(u, u), _dots(v, v)) * square)
     for shift in range(len(_INSIDE)):
-        away = np.einsum("k,nkx->nx", np.roll(_INSIDE, shift), corners[one]) - a
-        x, y = (cross(away, v) * normal).sum(1) / square, (cross(u, away) * normal).sum(1) / square
-        there = (x > 0.0) & (y > 0.0) & (x + y < 1.0) & (np.abs((away * normal).sum(1)) < thin)
+        away = np.einsum("k,nkx->nx", np.roll(_INSIDE, shift), own) - a
+        x, y = _dots(cross(away, v), normal) / square, _dots(cross(u, away), normal) / square
+        there = (x > 0.0) & (y > 0.0) & (x + y < 1.0) & (np.abs(_dots(away, normal)) < thin)
         sums += np.bincount(one, values[other] * there, minlength=count) / len(_INSIDE)
     return sums
+
+
+def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return (N,) the dot products of vectors (N, 3)."""
+    dots: np.ndarray = np.einsum("nx,nx->n", a, b)
+    return dots
 
 
 def _corners(mesh: Mesh) -> np.ndarray:
