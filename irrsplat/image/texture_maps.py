@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -46,13 +47,19 @@ def halvings(sizes: Iterable[tuple[int, int]], memory: float, side: int) -> list
 
     Afterwards no side is longer than `side`, and all images with mip-maps fit into `memory` bytes.
     """
-    sizes = list(sizes)
-    counts = [max(0, math.ceil(math.log2(max(size) / side))) for size in sizes]
-    now = [_halved(*size, count) for size, count in zip(sizes, counts, strict=True)]
-    while sum(width * height for width, height in now) * _TEXEL > memory and max(map(math.prod, now)) > 1:
-        largest = max(range(len(now)), key=lambda i: math.prod(now[i]))
-        now[largest] = _halved(*now[largest], 1)
-        counts[largest] += 1
+    counts, heap, total = [], [], 0.0
+    for i, (width, height) in enumerate(sizes):
+        counts.append(max(0, math.ceil(math.log2(max(width, height) / side))))
+        size = _halved(width, height, counts[i])
+        total += _TEXEL * size[0] * size[1]
+        heap.append((-size[0] * size[1], i, size))
+    heapq.heapify(heap)
+    while total > memory and heap and heap[0][0] < -1:
+        area, i, (width, height) = heap[0]
+        size = _halved(width, height, 1)
+        counts[i] += 1
+        total += _TEXEL * (size[0] * size[1] + area)
+        heapq.heapreplace(heap, (-size[0] * size[1], i, size))
     return counts
 
 
