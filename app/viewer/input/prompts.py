@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -114,12 +115,24 @@ class DesktopDialog:
 
     def update(self) -> None:
         """Call the taker of the answer, if there is an answer."""
-        if self._open is None or not self._open[0].ready(0):
+        if self._open is None or not _child_ended() or not self._open[0].ready(0):
             return
         (dialog, take), self._open = self._open, None
         answer = dialog.result()
         if chosen := answer if isinstance(answer, str) else next(iter(answer), ""):
             take(chosen)
+
+
+def _child_ended() -> bool:
+    """Return False if no child process has ended.
+
+    The library of the dialogs first reads the answer, then checks whether its process has ended. It loses an answer in between.
+    """
+    if not hasattr(os, "waitid"):
+        return True
+    with suppress(ChildProcessError):
+        return os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+    return True
 
 
 _WIDTH, _ROWS = 560.0, 16  # the greatest width (window coordinates at scale 1) and the most visible entries
