@@ -8,6 +8,7 @@ from threading import Event
 
 import pytest
 
+from irrsplat.core.timing import other_process
 from irrsplat.core.timing.background import _AT_ONCE, in_background
 from irrsplat.core.timing.clock import Clock, use_clock
 from irrsplat.core.timing.other_process import Calling, call
@@ -59,8 +60,9 @@ def test_arguments_that_change_meanwhile_are_pickled_again() -> None:
     assert call(code, (_Changing(),)) == 8 and _Changing.pickled == 2
 
 
-def test_a_stopped_call_ends_its_process(tmp_path: Path) -> None:
+def test_a_stopped_call_ends_its_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The process writes its number, and would then wait for ever without a result."""
+    monkeypatch.setattr(other_process, "_JOIN", None)  # without a limit: load may delay the end
     pipe = tmp_path / "pid"
     os.mkfifo(pipe)
     code = f"import os, threading; open({str(pipe)!r}, 'w').write(str(os.getpid())); threading.Event().wait()"

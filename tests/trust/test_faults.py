@@ -172,7 +172,9 @@ def test_interrupted_at_any_moment(how: str, place: Path, monkeypatch: pytest.Mo
 class JumpingClock(CountedClock):
     """Clock that sometimes jumps by an hour, as after suspension of a machine."""
 
-    draw = np.random.default_rng(SEED)
+    def __init__(self) -> None:
+        super().__init__()
+        self.draw = np.random.default_rng(SEED)
 
     def now(self) -> float:
         self.advance(float(self.draw.choice([0.0, 0.0, 0.0, 3600.0])))

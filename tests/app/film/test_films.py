@@ -81,6 +81,7 @@ def test_a_film_in_the_background_is_complete_or_absent(
     end: str, last: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A separate process writes a film of three frames; a stopped or failed process leaves the folder empty."""
+    monkeypatch.setattr(other_process, "_JOIN", None)  # without a limit: load may delay the end
     film, messages, scene = FilmInBackground(), [""], irrsplat.load(place / "room.scene")
     if end == "failed":
         monkeypatch.setattr(other_process, "code", lambda work: "raise SystemExit('no memory')")
