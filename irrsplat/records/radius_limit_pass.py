@@ -1,6 +1,7 @@
 """Limits of radii: compare each record with the records near it, on the GPU, by the formula of radius_limit.frag.
 
-Records within COMPARED_WITHIN radii a·R are a range of all records in the order of their places along one axis.
+All records are cut into strips across one axis. Within a strip, the records within COMPARED_WITHIN radii a·R are a range in the
+order of their places along another axis.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from irrsplat.settings import Settings
 
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
 _COLUMNS = 64  # of the target: few records then fill whole blocks of pixels, which software renderers draw at once
-_AT_ONCE = 32768  # records: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
+_HIGHEST = 4096  # rows of the target at most, if 64 columns lead to more: implementations of OpenGL limit textures to 8192
+_STRIP = 4096  # records per strip: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
 
 
 class RadiusLimitPass(Owner):
@@ -49,20 +51,22 @@ class RadiusLimitPass(Owner):
         by_all: compare with records of higher numbers, too.
         """
         size, places = cache.records.size, cache.positions
-        shape = _COLUMNS, size[0] * size[1] // _COLUMNS
+        columns = max(_COLUMNS, size[0] * size[1] // _HIGHEST)
+        shape = columns, size[0] * size[1] // columns
         found = self._made.get("found", shape, lambda: Target(self.ctx, shape, (1,)))
         targets = self._made.get("targets", shape, lambda: float_texture(self.ctx, shape, 1))
         others = self._made.get("others", size, lambda: float_texture(self.ctx, size))
-        axis = int(np.ptp(places, axis=0).argmax())
-        order = np.argsort(places[which, axis], kind="stable")  # near records share a block
-        near = low + np.argsort(places[low:, axis], kind="stable")
+        along, across = np.ptp(places, axis=0).argsort()[1:].tolist()
+        order = np.argsort(places[which, across], kind="stable")  # near records share a block
         texel_table.write(targets, 0, (order + which.indices(cache.count)[0])[:, None])
-        texel_table.write(others, 0, np.column_stack([places[near], near]))
-        for first in range(0, len(near), _AT_ONCE):
+        near, begin = low + np.argsort(places[low:, across], kind="stable"), 0
+        for strip in np.array_split(near, -(-len(near) // _STRIP)):
+            strip = strip[np.argsort(places[strip, along], kind="stable")]
+            texel_table.write(others, begin, np.column_stack([places[strip], strip]))
             self.programs[settings.gradients](
                 found,
-                state=DrawState(blend="min") if first else DrawState(),
-                scissor=(0, 0, _COLUMNS, -(-len(order) // _COLUMNS)),
+                state=DrawState(blend="min") if begin else DrawState(),
+                scissor=(0, 0, columns, -(-len(order) // columns)),
                 **cache.records.uniforms,
                 **record_uniforms(settings),
                 adapt=settings.adapt,
@@ -70,9 +74,11 @@ class RadiusLimitPass(Owner):
                 count=len(order),
                 by_all=by_all,
                 others=others,
-                axis=axis,
-                span=(first, min(first + _AT_ONCE, len(near))),
+                axes=(along, across),
+                bounds=(places[strip, across].min(), places[strip, across].max()),
+                span=(begin, begin + len(strip)),
             )
+            begin += len(strip)
         limits = np.empty(len(order), "f4")
         limits[order] = texel_table.read(self.ctx, found.textures[0], 0, len(order))[:, 0]
         return limits

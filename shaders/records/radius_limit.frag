@@ -9,9 +9,10 @@ uniform float adapt;        // allowed relative difference at the rim of a recor
 uniform sampler2D targets;  // numbers of the records to limit, one per texel, row by row
 uniform int count;          // number of records to limit
 uniform bool by_all;        // true if all records are compared; false: only with records of lower numbers, which are older
-uniform sampler2D others;   // compared records in ascending order along `axis`: xyz position, w number
-uniform int axis;           // 0, 1 or 2 for x, y or z
-uniform ivec2 span;         // compared records of this draw: the first one, and the one after the last
+uniform sampler2D others;   // compared records, strip by strip: xyz position, w number
+uniform ivec2 axes;         // 0, 1 or 2 for x, y or z: the axis along which a strip is sorted, and the axis across the strips
+uniform vec2 bounds;        // least and greatest coordinate across the strips of the records in the strip of this draw
+uniform ivec2 span;         // records of this strip: the first one, and the one after the last
 
 layout(location = 0) out float out_limit;
 
@@ -25,14 +26,14 @@ vec4 neighbour_at(int i)
     return texelFetch(others, table_texel(i), 0);
 }
 
-// Return the first record of the span whose coordinate along the axis is at least `least`, by bisection.
+// Return the first record of the strip whose coordinate along the strip is at least `least`, by bisection.
 int first_from(float least)
 {
     int low = span.x, high = span.y;
     while (low < high)
     {
         int middle = (low + high) / 2;
-        bool below = neighbour_at(middle)[axis] < least;
+        bool below = neighbour_at(middle)[axes.x] < least;
         low = below ? middle + 1 : low;
         high = below ? high : middle;
     }
@@ -56,10 +57,11 @@ void main()
     curvature = usable_curvature(texel);
 #endif
     float limit = 1.0, range = requested ? COMPARED_WITHIN * a * max(R.x, R.y) * 1.0001 : -1e30;
-    for (int i = first_from(p[axis] - range); i < span.y; ++i)
+    range = p[axes.y] + range < bounds.x || p[axes.y] - range > bounds.y ? -1e30 : range;
+    for (int i = first_from(p[axes.x] - range); i < span.y; ++i)
     {
         vec4 neighbour = neighbour_at(i);
-        if (neighbour[axis] > p[axis] + range) break;
+        if (neighbour[axes.x] > p[axes.x] + range) break;
         vec3 offset = neighbour.xyz - p;
         float distance = record_distance(offset, ellipse.axis, R);
         if (!by_all && int(neighbour.w) > number) continue;

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.core.buffers import Records
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.timers import Timers
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
@@ -178,6 +181,22 @@ def test_few_new_records_limit_no_old_ones_until_there_are_more(ctx: moderngl.Co
     assert not found[1][0] and np.array_equal(found[0][1], found[1][1])
     assert found[2][0] and np.array_equal(cache.limits(360), made.limits(BASE)[:360])
     cache.release()
+
+
+def test_the_greatest_cache_fits_into_textures_of_8192_rows(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A target of 64 columns would have 65 536 rows for textures of 4 million records, the most of `max_records`."""
+    made = Made(ctx, 90)
+    expected = made.limits(BASE)[:90]
+    monkeypatch.setattr(Records, "size", property(lambda records: (TABLE_COLUMNS, 4096)))
+    sizes, texture = [], ctx.texture
+
+    def noted(size: tuple[int, int], *rest: Any, **more: Any) -> moderngl.Texture:
+        sizes.append(size)
+        return texture(size, *rest, **more)
+
+    monkeypatch.setattr(ctx, "texture", noted)
+    assert np.array_equal(made.limits(BASE)[:90], expected)
+    assert sizes and max(map(max, sizes)) <= 8192
 
 
 def test_turned_off_and_on_again() -> None:
