@@ -40,7 +40,7 @@ class PlaceSplats(Owner):
         bent = int(settings.gradients and gbuffer.mapped_normal is not None)
         defines = {**record_defines(settings.gradients), "NORMAL_MAPS": bent, "REFINED": 0}
         self.program = self.own(Program(ctx, "indirect/splat", "bake/splat", defines))
-        self.empty = self.own(Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": 0}))
+        self.empty = self.own(Program(ctx, "indirect/splat_clear", "lib/fullscreen"))
         self.target = self.own(splat_target(ctx, self.size))
         self.tiles = _Boxes.of(where.position, where.seen, TILE)
         self.blocks = _Boxes.of(where.position, where.seen, TILE * _BLOCK)
@@ -55,7 +55,7 @@ class PlaceSplats(Owner):
                 return kept
         self._drawn = None
         if first == 0:
-            self.empty(self.target, state=DrawState(depth="1"), position=self.gbuffer.position, pixel_stride=1)
+            self.empty(self.target, state=DrawState(depth="1"), position=self.gbuffer.position, pixel_stride=1, unlit=False)
         for pairs in self._pairs(cache, first):
             self._draw(cache, pairs)
         sums, weight = self.target.textures

@@ -48,10 +48,7 @@ class SplatPass(Owner):
             kind: self.own(Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": kind[0], "REFINED": kind[1]}))
             for kind in product((0, 1) if gradients else (0,), (0, 1))
         }
-        # key: unlit sides
-        self.empty = [
-            self.own(Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": unlit})) for unlit in (0, 1)
-        ]
+        self.empty = self.own(Program(ctx, "indirect/splat_clear", "lib/fullscreen"))
         self.targets = self.own(Workshop())
 
     def target(self, pixel_stride: int) -> Target:
@@ -59,20 +56,14 @@ class SplatPass(Owner):
         size = -(-self.size[0] // pixel_stride), -(-self.size[1] // pixel_stride)
         return self.targets.get(f"stride {pixel_stride}", (), lambda: splat_target(self.ctx, size))
 
-    def clear(
-        self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None, unlit_sides: Uniforms | None = None
-    ) -> None:
-        """Start again from no records; the weight is NOTHING_SEEN at pixels without a surface or with an unlit side.
-
-        unlit_sides: from `unlit_sides`.
-        """
-        of = {"normal": gbuffer.normal, **gbuffer.material_uniforms, **unlit_sides} if unlit_sides else {}
-        self.empty[int(bool(of))](
+    def clear(self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None, unlit: bool = False) -> None:
+        """Start again from no records; the weight is NOTHING_SEEN at pixels without a surface, or at all pixels if `unlit`."""
+        self.empty(
             target or self.target(pixel_stride),
             state=DrawState(depth="1"),
             position=gbuffer.position,
             pixel_stride=pixel_stride,
-            **of,
+            unlit=unlit,
         )
 
     def __call__(

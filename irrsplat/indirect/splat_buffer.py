@@ -7,19 +7,16 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
-from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.core.buffers import GBuffer, Records, SplatBuffer
 from irrsplat.core.memo import Memo
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.resource import Owner
-from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.splat import SplatPass, batches
 from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Camera
 from irrsplat.scene.spatial.solids import in_the_dark
 from irrsplat.settings import Settings
@@ -34,27 +31,6 @@ def first_stride(settings: Settings, size: tuple[int, int]) -> int:
     """
     requested = settings.placement != "scan" and settings.most_bounces > 0
     return 2 if requested and size[1] >= _LEAST_HEIGHT else 1
-
-
-def unlit_sides(world: World, dark: bool) -> Uniforms:
-    """Return the uniforms of the triangles whose inner side no light reaches; none for a scene without such triangles.
-
-    dark: True if the camera lies within such a mesh, a wall or a closed room. It sees no light, and each of its black records
-    would cover a single pixel.
-    """
-    if not any(world.unlit_interiors):
-        return {}
-
-    def made() -> moderngl.Texture:
-        unlit = np.repeat(world.unlit_interiors, [len(mesh.faces) for mesh in in_order(world.scene)])
-        table = np.zeros((row_count(len(unlit)), TABLE_COLUMNS), "u1")
-        table.ravel()[: len(unlit)] = 255 * unlit
-        texture = world.ctx.texture(table.shape[::-1], 1, table)
-        texture.filter = moderngl.NEAREST, moderngl.NEAREST
-        return texture
-
-    table = world.derived.get("unlit sides", world.unlit_interiors, made)
-    return {**world.geometry.uniforms, "unlit_sides": table, "all_unlit": dark}
 
 
 @dataclass(frozen=True)
@@ -87,7 +63,7 @@ class ViewSplats(Owner):
         return None if self._drawn is None else self._drawn.sums
 
     def _in_the_dark(self, camera: Camera) -> bool:
-        """Return True if the camera lies within a closed mesh without a light."""
+        """Return True if the camera lies within a closed mesh without a light: each black record would cover a single pixel."""
         scene, unlit = self.world.scene, self.world.unlit_interiors
         return self._memo.get("dark", (scene.meshes, unlit, camera.eye), lambda: in_the_dark(scene, unlit, camera.eye))
 
@@ -111,7 +87,7 @@ class ViewSplats(Owner):
         records while input waits; the next call draws the remaining batches.
         """
         count = cache.count if settings.most_bounces > 0 else 0
-        unlit = unlit_sides(self.world, self._in_the_dark(camera))
+        unlit = self._in_the_dark(camera)
         inputs = (
             gbuffer,
             settings.of("splat"),
@@ -119,8 +95,7 @@ class ViewSplats(Owner):
             cache.revision,
             pixel_stride,
             reach,
-            unlit.get("unlit_sides"),
-            unlit.get("all_unlit"),
+            unlit,
         )
         drawn = self._drawn
         if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
@@ -131,7 +106,7 @@ class ViewSplats(Owner):
         sums = SplatBuffer(values, weight, cache.luminance_floor, pixel_stride, reach)
         with self.timers("splat"):
             if first == 0:
-                self.splat_pass.clear(gbuffer, pixel_stride, unlit_sides=unlit)
+                self.splat_pass.clear(gbuffer, pixel_stride, unlit=unlit)
             if first < count:
                 numbers = reaching(cache, first, camera, self.size, settings)
                 if first == 0 and noted:
@@ -158,7 +133,7 @@ class ViewSplats(Owner):
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""
         self.forget()
-        self.splat_pass.clear(gbuffer, unlit_sides=unlit_sides(self.world, self._in_the_dark(camera)))
+        self.splat_pass.clear(gbuffer, unlit=self._in_the_dark(camera))
         if records.count:
             self.splat_pass(records, np.arange(records.count), gbuffer, camera, settings)
         return self.splat_pass.target(1).read(0)
