@@ -86,9 +86,9 @@ def prepare() -> None:
         os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
 
 
-def is_gone(ctx: moderngl.Context) -> bool:
-    """True if the owner of `ctx` has released it and everything made in it."""
-    return isinstance(ctx.mglo, moderngl.InvalidObject)
+def is_gone(thing: moderngl.Context | moderngl.Texture) -> bool:
+    """True if the owner of `thing` has released it; with a context, everything made in it."""
+    return isinstance(thing.mglo, moderngl.InvalidObject)
 
 
 def link(ctx: moderngl.Context, vertex: str, fragment: str, geometry: str | None) -> moderngl.Program:

@@ -50,13 +50,13 @@ class Refiner(Owner):
     first estimate. ended: True if the refinement is complete or cannot continue. broken: True after an exception.
     """
 
-    def __init__(self, world: World, size: tuple[int, int], gradients: bool, scheduler: RecordScheduler, timers: Timers) -> None:
+    def __init__(self, world: World, size: tuple[int, int], scheduler: RecordScheduler, timers: Timers) -> None:
         self.scheduler, self.cache, self.size = scheduler, scheduler.cache, size
         self.splats: SplatBuffer | None = None
         self.error: float | None = None
         self.ended = self.broken = False
         # of the displayed and of the next picture
-        self._splats = [self.own(ViewSplats(world, size, gradients, timers)) for _ in range(2)]
+        self._splats = [self.own(ViewSplats(world, size, timers)) for _ in range(2)]
         self._reach = [self.own(float_texture(world.ctx, size, 1)) for _ in range(2)]
         self._surface_error: tuple[int, float] | None = None  # of E in W/m², by the level of the surface cache
         self._steps: Iterator[None] = iter(())  # of the present view

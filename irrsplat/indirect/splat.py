@@ -34,19 +34,24 @@ def splat_target(ctx: moderngl.Context, size: tuple[int, int]) -> Target:
 
 
 class SplatPass(Owner):
-    """Pass that adds records to a splat buffer of `size` (width, height), with or without their gradients.
+    """Pass that adds records to a splat buffer of `size` (width, height).
 
     A second, smaller buffer has every other pixel in both directions, for pixel_stride = 2.
     """
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
         self.numbers = self.own(ctx.buffer(reserve=4))  # of the records that are drawn
-        defines = record_defines(gradients)
-        self.bends = gradients  # without gradients, E is valid only at the record's normal
-        self.programs = {  # keys: normal maps, and refinement
-            kind: self.own(Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": kind[0], "REFINED": kind[1]}))
-            for kind in product((0, 1) if gradients else (0,), (0, 1))
+        self.programs = {  # without gradients, E is valid only at the record's normal
+            (gradients, bent, refined): self.own(
+                Program(
+                    ctx,
+                    "indirect/splat",
+                    defines={**record_defines(gradients), "NORMAL_MAPS": int(bent), "REFINED": int(refined)},
+                )
+            )
+            for gradients, bent, refined in product((False, True), repeat=3)
+            if gradients or not bent
         }
         self.empty = self.own(Program(ctx, "indirect/splat_clear", "lib/fullscreen"))
         self.targets = self.own(Workshop())
@@ -85,13 +90,13 @@ class SplatPass(Owner):
         if not len(numbers):
             return
         some: Uniforms = {} if reach is None else {"reach": reach}
-        bent = self.bends and gbuffer.mapped_normal is not None
+        bent = settings.gradients and gbuffer.mapped_normal is not None
         if bent:
             some["lit_normal"] = gbuffer.mapped_normal
         data = numbers.astype("i4").tobytes()
         self.numbers.orphan(max(len(data), self.numbers.size))  # an earlier draw may still read the old numbers
         self.numbers.write(data)
-        self.programs[int(bent), int(reach is not None)](
+        self.programs[settings.gradients, bent, reach is not None](
             target or self.target(pixel_stride),
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,

@@ -49,9 +49,9 @@ class ViewSplats(Owner):
     the same SplatBuffer object, so that later stages can compare it by identity.
     """
 
-    def __init__(self, world: World, size: tuple[int, int], gradients: bool, timers: Timers) -> None:
+    def __init__(self, world: World, size: tuple[int, int], timers: Timers) -> None:
         self.world, self.ctx, self.size, self.timers = world, world.ctx, size, timers
-        self.splat_pass = self.own(SplatPass(world.ctx, size, gradients))
+        self.splat_pass = self.own(SplatPass(world.ctx, size))
         self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
         self._memo = Memo()  # True if the camera lies in a closed mesh without a light

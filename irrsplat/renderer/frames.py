@@ -13,6 +13,7 @@ from irrsplat.core.buffers import ShadowMaps
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import checked_by, never
+from irrsplat.gpu.context import is_gone
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -219,7 +220,8 @@ class Frames(Owner):
     def check_present(self, view: View) -> None:
         """Raise InputError for a view of an earlier camera or size, whose buffers hold another one."""
         check_type("a view", view, View)
-        if view.gbuffer not in (self.stages.gbuffer, self.moving.stages.gbuffer):
+        held = view.gbuffer in (self.stages.gbuffer, self.moving.stages.gbuffer)
+        if not held or is_gone(view.direct):  # other kinds of lights have another pass
             raise InputError("this view's buffers hold another view by now; use a view before the next frame is drawn")
 
     def stops(self, view: View) -> float:
@@ -254,10 +256,8 @@ class Frames(Owner):
             shown = self.view_state(state, camera) is view and ended and view.pixel_stride == 1
             if not shown or not self.can_refine:
                 return self.frame(camera, seconds)
-            made_of = state.size, state.settings.gradients
-            refiner = self._passes.get(
-                "refiner", made_of, lambda: Refiner(self.stages.world, *made_of, self.scheduler, self.timers)
-            )
+            size, world = state.size, self.stages.world
+            refiner = self._passes.get("refiner", size, lambda: Refiner(world, size, self.scheduler, self.timers))
             gbuffer, splats = self.stages.draw_gbuffer(state, camera), self.stages.splats(state)
             refiner.begin(splats.update(self.scheduler.cache, gbuffer, camera, state.settings, 1), camera)
         assert refiner is not None

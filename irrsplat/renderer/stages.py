@@ -73,8 +73,7 @@ class Stages(Owner):
 
     def splats(self, state: State) -> ViewSplats:
         """Return the splat buffer of the present view."""
-        made_of = state.size, state.settings.gradients
-        return self._passes.get("splats", made_of, lambda: ViewSplats(self.world, *made_of, self.timers))
+        return self._passes.get("splats", state.size, lambda: ViewSplats(self.world, state.size, self.timers))
 
     def composite_pass(self, size: tuple[int, int]) -> CompositePass:
         """Return the pass that composites pictures of this size."""

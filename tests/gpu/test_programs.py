@@ -70,13 +70,12 @@ def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
 def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     """Every other pass of the core, as settings may have it."""
     for gradients in (False, True):
-        yield SplatPass(ctx, SIZE, gradients)
         yield ReducePass(ctx, gradients)
     for simple in (ShadowPass, VisibilityPass, SurfaceViewPass, RefreshOrder, RadiusLimitPass):
         yield simple(ctx)
     yield textured(ctx)
     yield ExaminePass(ctx)
-    for sized in (GBufferPass, CompositePass, MeanPass, UpsamplePass, SpotPass):
+    for sized in (GBufferPass, CompositePass, MeanPass, SplatPass, UpsamplePass, SpotPass):
         yield sized(ctx, SIZE)
     yield TemporalFilter(ctx, SIZE)
 

@@ -60,7 +60,7 @@ def test_weights_on_the_cpu_are_those_of_the_gpu(ctx: moderngl.Context, settings
     weight = np.zeros(depth.shape, "f4")
     for i in range(40):
         paper_scan.splat_weight(weight, seen, where[i : i + 1], float(R[i]), CAMERA, settings)
-    cache, splats = RecordCache(ctx), SplatPass(ctx, SIZE, False)
+    cache, splats = RecordCache(ctx), SplatPass(ctx, SIZE)
     cache.append(where, np.concatenate([np.ones((40, 3), "f4"), R[:, None]], 1))
     gbuffer = gbuffer_of(ctx, seen.position, seen.normal, depth)
     splats.clear(gbuffer)

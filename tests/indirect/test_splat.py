@@ -172,7 +172,7 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
 
 def drawn(ctx: moderngl.Context, seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     """Return the GPU's sums and weights."""
-    gbuffer, splatter = seen.gbuffer(ctx), SplatPass(ctx, SIZE, settings.gradients)
+    gbuffer, splatter = seen.gbuffer(ctx), SplatPass(ctx, SIZE)
     splatter.clear(gbuffer)
     splatter(records.records(ctx), np.arange(len(records.p)), gbuffer, CAMERA, settings)
     return splatter.target(1).read(0).copy(), splatter.target(1).read(1)[..., :2].copy()

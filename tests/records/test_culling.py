@@ -49,7 +49,7 @@ SETTINGS = {
 def test_what_is_left_out_would_add_nothing(ctx: moderngl.Context, name: str) -> None:
     """Every sum is equal to the bit to that of all records, from cameras inside the set."""
     settings, cache = SETTINGS[name], scattered(ctx, 1)
-    splats, drawn = SplatPass(ctx, SIZE, settings.gradients), []
+    splats, drawn = SplatPass(ctx, SIZE), []
     for camera in cameras(40, 2):
         position, depth = on_plane(camera, SIZE, (0, 0, 0), (0, 1, 0))
         seen = (depth > 0.01) & (depth < 30.0)

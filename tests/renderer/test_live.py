@@ -87,6 +87,11 @@ def test_a_view_is_read_as_a_frame() -> None:
         renderer.frame(replace(FRONT, fov=50.0))
         with pytest.raises(InputError, match="use a view before the next frame"):
             old.read()
+        old, _ = renderer.frame()
+        renderer.relight((Light((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), directional=True),))
+        renderer.frame()
+        with pytest.raises(InputError, match="use a view before the next frame"):
+            old.read()
         renderer.resize((40, 30))
         with pytest.raises(InputError, match="use a view before the next frame"):
             renderer.accumulate(old, 4)
@@ -197,7 +202,10 @@ CHANGES: list[tuple[set[str], set[str], dict[str, Any]]] = [
 
 @pytest.mark.few_sites
 def test_a_setting_invalidates_exactly_what_depends_on_it(renderer: Renderer) -> None:
-    """The stages that draw after a change are those that read the setting; other stages keep their results."""
+    """The stages that draw after a change are those that read the setting; other stages keep their results.
+
+    A view can be sampled and read after each change.
+    """
     for least, besides, values in CHANGES:
         for name, value in values.items():
             ticks(renderer)
@@ -206,11 +214,13 @@ def test_a_setting_invalidates_exactly_what_depends_on_it(renderer: Renderer) ->
             drawn: set[str] = set()
             for _ in range(6):
                 view, progress = renderer.frame()
+                before.read()
                 drawn |= set(renderer.timers.milliseconds()) - {"adapt"}  # every new record leads to it
             assert least <= drawn <= least | besides, name
             assert (view.gbuffer is before.gbuffer) == ("gbuffer" not in drawn), name
             assert not progress.stale, name
             renderer.change(replace(renderer.settings, **{name: old}))
+            assert renderer.accumulate(view, 2).read().stats["samples"] == 2
 
 
 def test_every_setting_is_among_them() -> None:
