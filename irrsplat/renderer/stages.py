@@ -151,9 +151,10 @@ class Stages(Owner):
             stop_for_input()
             shown, lookup = splats, None if surface is None else surface.uniforms()
             if accumulating or lookup is not None:  # holes take the values of the surface cache
-                scene, provisional = (done.shadows, held), self.scheduler.gatherer.provisional
+                gatherer = self.scheduler.gatherer
+                light, other = (done.shadows, held, gatherer.basis), gatherer.provisional or gatherer.basis.moved
                 with self.timers("composite"):
-                    shown = temporal_filter(splats, gbuffer, done.camera, subject, scene, lookup, provisional)
+                    shown = temporal_filter(splats, gbuffer, done.camera, subject, light, lookup, other)
                 stop_for_input()
             shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
             sums = shown.sums

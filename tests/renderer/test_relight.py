@@ -207,3 +207,21 @@ def test_no_picture_is_worse_once_a_carried_light_rests() -> None:
             view, _ = renderer.frame(seconds=0.05)
             errors.append(np.sqrt(np.mean((view.read().irradiance - reference) ** 2)) / reference.mean())
     assert max(errors[len(carried) :]) < errors[len(carried) - 1] < 0.1
+
+
+@pytest.mark.parametrize(("before", "after"), [("all", 1), (1, "all")])
+def test_a_picture_follows_other_bounces_before_half_of_the_records_are_gathered_again(before: Any, after: Any) -> None:
+    """Probes along few rays correct all records, and the picture takes their values at once. Both lights differ by half."""
+    cornell = irrsplat.load("cornell")
+    with Renderer(cornell, (64, 48), bounces=after) as fresh:
+        reference = fresh.render().irradiance
+    with use_clock(RayClock(4e6)), Renderer(cornell, (64, 48), bounces="all") as renderer:
+        renderer.render()
+        renderer.change(replace(renderer.settings, bounces=before))
+        renderer.render()
+        renderer.change(replace(renderer.settings, bounces=after))
+        stale, error = renderer.cache.count, 0.0
+        while stale > renderer.cache.count / 2:
+            view, progress = renderer.frame(seconds=0.05)
+            stale, error = progress.stale, np.sqrt(np.mean((view.read().irradiance - reference) ** 2)) / reference.mean()
+        assert stale > 0 and error < 0.07

@@ -45,10 +45,9 @@ class Basis:
 
     @property
     def way(self) -> tuple[object, ...]:
-        """The inputs that determine a record's values and their noise."""
+        """The settings that determine a record's directions and their noise."""
         settings = self.settings
-        rays = settings.gather_size, settings.light_samples
-        return self.kind, *rays, self.uses_surface_cache
+        return self.kind, settings.gather_size, settings.light_samples
 
     @property
     def uses_surface_cache(self) -> bool:

@@ -54,7 +54,7 @@ class Gathers(Owner):
         """Return a gather of this side, with so many next-event samples, for batches of at most `capacity` records."""
         settings = replace(basis.settings, gather=basis.kind, gather_size=side, light_samples=samples)
         emitters = samples > 0 and emitter_table(self.world) is not None
-        inputs = *replace(basis, settings=settings).way, basis.lights, emitters, capacity
+        inputs = *replace(basis, settings=settings).way, basis.uses_surface_cache, basis.lights, emitters, capacity
         return self._made.get(name, inputs, lambda: kinds.gather_pass(self.world, settings, capacity))
 
     def reduction(self, gradients: bool) -> ReducePass:

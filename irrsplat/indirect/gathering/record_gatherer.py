@@ -57,7 +57,7 @@ class RecordGatherer(Owner):
         self.ctx, self.world, self.cache, self.timers = world.ctx, world, cache, timers
         self._measuring = measuring
         self.atlas: Atlas | None = None  # radiance over the hemispheres of the last batch of records
-        self._basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
+        self.basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
         if settings.most_bounces > 0:
             world.prebuild(caster=self._casts)
         self.gathers = self.own(Gathers(world))
@@ -69,17 +69,17 @@ class RecordGatherer(Owner):
     @property
     def settings(self) -> Settings:
         """The settings by which records are gathered; without bounces, the last settings that had bounces."""
-        return self._basis.settings
+        return self.basis.settings
 
     @property
     def gather_pass(self) -> Gather:
         """The pass that gathers records; the paper's algorithm gathers one record at a time."""
-        return self.gathers.gather(self._basis)
+        return self.gathers.gather(self.basis)
 
     @property
     def may_probe(self) -> bool:
         """True if `probe_luminance` takes less time than a gather: both trace rays, but a gather at least four times as many."""
-        basis = self._basis
+        basis = self.basis
         return basis.kind in ("trace", "embree") and basis.settings.gather_size >= 2 * SIDES[-1]
 
     def probe_luminance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
@@ -87,7 +87,7 @@ class RecordGatherer(Owner):
 
         side: of the square of probe rays.
         """
-        gather, light, found = self.gathers.probe(self._basis, side), self.light(shadows), [np.zeros(0)]
+        gather, light, found = self.gathers.probe(self.basis, side), self.light(shadows), [np.zeros(0)]
         for some in gather.batches(len(sites), budget):
             with self.timers("examine"):
                 records = self.gathers.measure(gather, light, sites[some], self.settings, gradients=False).records
@@ -97,7 +97,7 @@ class RecordGatherer(Owner):
     @property
     def surface(self) -> SurfaceCache | None:
         """The surface cache, made at its first use; None for fewer than two bounces."""
-        if not self._basis.uses_surface_cache:
+        if not self.basis.uses_surface_cache:
             return None
         detail = FULL if self._measuring else detail_for(self.settings)
         return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
@@ -105,22 +105,22 @@ class RecordGatherer(Owner):
     @property
     def _casts(self) -> bool:
         """True if Embree traces rays, from records or from the sites of the surface cache."""
-        basis = self._basis
+        basis = self.basis
         return basis.kind == "embree" or (basis.uses_surface_cache and kinds.ray_kind(self.ctx, basis.settings) == "embree")
 
     @property
     def _needs_tree(self) -> bool:
         """True if gathers need the tree for rays in shaders. With Embree, virtual point lights need the tree."""
-        settings, lights = self._basis.settings, self.world.scene.lights
+        settings, lights = self.basis.settings, self.world.scene.lights
         lit = settings.light_samples > 0 and any(not one.directional for one in lights)
-        return self._basis.kind != "embree" or lit
+        return self.basis.kind != "embree" or lit
 
     @property
     def _without_tree(self) -> bool:
         """True if ticks gather without the tree for now: coarse light does not wait for the search of virtual point lights."""
         surface = self.surface
         coarse = surface is not None and surface.starts_coarse and (self.awaits_light or self.provisional)
-        return self._basis.kind == "embree" and coarse and self._needs_tree and not self.world.has_tree
+        return self.basis.kind == "embree" and coarse and self._needs_tree and not self.world.has_tree
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """Return the light at ray hits: shadow maps and, for several bounces, the surface cache."""
@@ -132,7 +132,7 @@ class RecordGatherer(Owner):
 
     def change_to(self, scene: Scene) -> SceneChange:
         """Return how `scene` differs from the scene by which records are gathered now."""
-        return SceneChange.between(self._basis.scene, scene)
+        return SceneChange.between(self.basis.scene, scene)
 
     def apply(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> np.ndarray | None:
         """Apply other settings and another state of the scene, see RecordScheduler.apply.
@@ -140,7 +140,7 @@ class RecordGatherer(Owner):
         Return the numbers of the records that are kept, None for all. A change that fails, such as for lack of memory, has no
         effect. An interruption while records change removes all records.
         """
-        old, cache, scene = self._basis, self.cache, change.new
+        old, cache, scene = self.basis, self.cache, change.new
         settings = settings if settings.most_bounces else replace(settings, bounces=old.settings.bounces)
         if settings == old.settings and not change and self.world.shows(scene):
             return None
@@ -148,11 +148,12 @@ class RecordGatherer(Owner):
         surface = self._made.find("surface", SurfaceCache)
         # work that may fail comes first
         changed = self._changed_lights(new, change)
-        if change and change.dimming is None and shadows is not None:
-            if changed is None:  # probe the former scene a last time
+        other_bounces = old.settings.most_bounces != settings.most_bounces
+        if (other_bounces or (change and change.dimming is None)) and shadows is not None:
+            if changed is None:  # probe the former light a last time
                 unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
                 cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
-            if surface is not None:
+            if surface is not None and change:
                 surface.hold_light(shadows)
         try:
             self.world.apply(change)
@@ -166,7 +167,7 @@ class RecordGatherer(Owner):
             cache.truncate(0)
             self.gathers.clear()
             self._made.clear()
-            self._basis = new
+            self.basis = new
             raise
         return kept
 
@@ -175,7 +176,7 @@ class RecordGatherer(Owner):
 
         new: the basis after the `change`.
         """
-        old, surface = self._basis, self.surface
+        old, surface = self.basis, self.surface
         complete = not (len(self.cache.stale) or old.moved or old.from_file) and (surface is None or surface.may_add())
         rays = old.kind in ("trace", "embree") and old.settings.placement != "scan"
         same = complete and rays and old.settings == new.settings
@@ -211,22 +212,23 @@ class RecordGatherer(Owner):
             self._made.get("difference", (), partial(RecordDifference, difference, new, cache))
         if surface is not None:
             surface.change(settings, change, difference)
-        gathered = old.way != new.way
-        if gathered or old.lights != new.lights or was.placement != settings.placement:
+        gathered, other_bounces = old.way != new.way, old.uses_surface_cache != new.uses_surface_cache
+        if gathered or other_bounces or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # the gather of this atlas is gone
         more = settings.gradients and not was.gradients  # records of gathers without gradients have none
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, from_file=None)
-        elif change.changes_light and change.dimming is None:
+        elif other_bounces or (change.changes_light and change.dimming is None):
+            new = replace(new, moved=new.moved or other_bounces, from_file=None)
             cache.column("due")[:] += float(changed is None)
             cache.invalidate(np.arange(cache.count))
-        self._basis = new
+        self.basis = new
         return kept
 
     def expire(self) -> None:
         """Gather everything again."""
-        self._basis = replace(self._basis, from_file=None)
+        self.basis = replace(self.basis, from_file=None)
         self.cache.invalidate()
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
@@ -240,7 +242,7 @@ class RecordGatherer(Owner):
 
         idle: True if no record waits. A render with records from a file makes a surface cache only to gather further ones.
         """
-        if self._basis.from_file is not None and not budget.limited and not len(self.cache.stale):
+        if self.basis.from_file is not None and not budget.limited and not len(self.cache.stale):
             return True
         if self.awaits_light:  # else pictures of a moving camera stay dark
             budget = budget.part(1.0, 0.0, _FIRST_LIGHT)
@@ -259,7 +261,7 @@ class RecordGatherer(Owner):
         """
         surface, side = self.surface_now, max(self.settings.gather_size // 2, SIDE)
         assert surface is not None
-        gather, changes = self.gathers.gather(self._basis, side), [np.zeros((0, 3))]
+        gather, changes = self.gathers.gather(self.basis, side), [np.zeros((0, 3))]
         signed = ((surface.lookup, 1.0), (surface.before, -1.0))
         parts = [(gather, HitLight(shadows, surface.uniforms(table)), sign) for table, sign in signed]
         for some in gather.batches(len(numbers), budget, times=2):
@@ -292,7 +294,7 @@ class RecordGatherer(Owner):
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache if the records come from a file without one, since further records are to be gathered."""
-        if self._basis.from_file is not None:
+        if self.basis.from_file is not None:
             self._advance(shadows, budget)
 
     def _advance(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
@@ -300,7 +302,7 @@ class RecordGatherer(Owner):
 
         Without values of the scene as it is, the surface cache takes the whole budget: coarse values take a fraction of a second.
         """
-        surface, basis, cache = self.surface, self._basis, self.cache
+        surface, basis, cache = self.surface, self.basis, self.cache
         if surface is None:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
             return True
@@ -318,7 +320,7 @@ class RecordGatherer(Owner):
             if surface.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
         if made:
-            self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, from_file=None)
+            self.basis = replace(self.basis, relit=self.basis.relit and not surface.current, from_file=None)
         ready = surface.result is not None and (surface.complete if self.difference else made or surface.current)
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
@@ -332,7 +334,7 @@ class RecordGatherer(Owner):
         first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`. followed: True if these values,
         and so the records, have followed the light: other sites add their error alone.
         """
-        cache, relit = self.cache, self._basis.relit and surface.current
+        cache, relit = self.cache, self.basis.relit and surface.current
         if self.difference is not None:  # the stale records get exactly this difference
             if before is not None and cache.count:
                 scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
@@ -343,28 +345,28 @@ class RecordGatherer(Owner):
         if relit:
             cache.invalidate(np.arange(cache.count))
         cache.column("due")[:] += change
-        self._basis = replace(self._basis, moved=True)
+        self.basis = replace(self.basis, moved=True)
         if before is not None and cache.count and (not surface.current or (relit and not followed)):
             scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
 
     def probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Probe the records that a change may affect, the most affected first: correct their values, and mark records that have
         changed too much as stale."""
-        if not self._basis.moved:
+        if not self.basis.moved:
             return
         cache = self.cache
         due = cache.column("due")
         (numbers,) = np.nonzero(due)
         numbers, left = numbers[np.argsort(-due[numbers], kind="stable")], len(numbers)
-        for some in self.gathers.probe(self._basis, SIDE).batches(len(numbers), budget):
+        for some in self.gathers.probe(self.basis, SIDE).batches(len(numbers), budget):
             chosen, left = numbers[some], len(numbers) - some.stop
             cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
         if not left:
-            self._basis = replace(self._basis, moved=False)
+            self.basis = replace(self.basis, moved=False)
 
     def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
         """Return (N, PROBED) rough values of the records of these numbers, see columns_of."""
-        gather, settings = self.gathers.probe(self._basis, SIDE), self.settings
+        gather, settings = self.gathers.probe(self.basis, SIDE), self.settings
         with self.timers("gather"):
             found = self.gathers.measure(gather, light, self.cache.sites(numbers), settings, settings.gradients)
             return columns_of(found, np.arange(len(numbers)))
@@ -378,7 +380,7 @@ class RecordGatherer(Owner):
         rays may suffice.
         """
         done, size = 0, size or self._provisional_side
-        for some in self.gathers.gather(self._basis, size).batches(len(sites), budget):
+        for some in self.gathers.gather(self.basis, size).batches(len(sites), budget):
             first = self.cache.append(sites[some])
             numbers = first + np.arange(some.stop - some.start)
             try:
@@ -403,7 +405,7 @@ class RecordGatherer(Owner):
             if not len(numbers) or budget.left <= 0.0:
                 return done
         first = done
-        for some in self.gathers.gather(self._basis, size).batches(len(numbers), budget):
+        for some in self.gathers.gather(self.basis, size).batches(len(numbers), budget):
             near = self.cache.column("gather_size")[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
             done = first + some.stop
@@ -440,12 +442,12 @@ class RecordGatherer(Owner):
         gathered = partial(gather_records, reduce=reduction, light=light, cache=self.cache, seed=seed, timers=self.timers)
         if few and near.any():
             (tried,) = np.nonzero(near)
-            self.atlas = gathered(self.gathers.gather(self._basis, few), numbers=numbers[tried])
+            self.atlas = gathered(self.gathers.gather(self.basis, few), numbers=numbers[tried])
             even = self.cache.records.read("noise")["noise"][numbers[tried]] <= _RAY_NOISE
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
         if len(numbers):
-            self.atlas = gathered(self.gathers.gather(self._basis, size), numbers=numbers)
+            self.atlas = gathered(self.gathers.gather(self.basis, size), numbers=numbers)
         return sizes
 
     @property
@@ -463,7 +465,7 @@ class RecordGatherer(Owner):
     def _fewer(self) -> int:
         """The side of a gather along a quarter of the rays; 0 where records need all rays."""
         settings, side = self.settings, self.settings.gather_size // 2
-        may = settings.gather_size < _NEAR_EXACT and settings.gradients and self._basis.kind in ("trace", "embree")
+        may = settings.gather_size < _NEAR_EXACT and settings.gradients and self.basis.kind in ("trace", "embree")
         return side if may and side >= SIDE else 0
 
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
@@ -471,14 +473,14 @@ class RecordGatherer(Owner):
     @property
     def has_pending_changes(self) -> bool:
         """True if all records will be stale once pending changes are applied."""
-        return self._basis.moved or (self._basis.from_file is None and self.surface_share < 1.0)
+        return self.basis.moved or (self.basis.from_file is None and self.surface_share < 1.0)
 
     def resume_with(self, bounces: BounceStatistics) -> None:
         """Continue with records from a file, which were gathered with these `bounces`.
 
         Their surface cache is made when further records are gathered.
         """
-        self._basis = replace(self._basis, moved=False, from_file=bounces if self.awaits_light else None)
+        self.basis = replace(self.basis, moved=False, from_file=bounces if self.awaits_light else None)
 
     @property
     def surface_share(self) -> float:
@@ -488,7 +490,7 @@ class RecordGatherer(Owner):
     @property
     def awaits_light(self) -> bool:
         """True until the surface cache that the settings require has values."""
-        return self._basis.uses_surface_cache and self.surface_now is None
+        return self.basis.uses_surface_cache and self.surface_now is None
 
     @property
     def surface_now(self) -> SurfaceCache | None:
@@ -503,13 +505,13 @@ class RecordGatherer(Owner):
 
     def bounces(self, settings: Settings) -> BounceStatistics:
         """Return the statistics of the gather and of the bounces."""
-        how = self._basis.kind
+        how = self.basis.kind
         everything, most = settings.bounces == "all", settings.most_bounces
         made = self.surface.result if self.surface is not None and most > 1 else None
         if made is not None:
             return {"gathered_by": how, "bounces": made.bounces, "bounces_converged": made.converged if everything else None}
-        if self._basis.from_file is not None:
-            return {"gathered_by": how, **self._basis.from_file}
+        if self.basis.from_file is not None:
+            return {"gathered_by": how, **self.basis.from_file}
         return {"gathered_by": how, "bounces": min(most, 1), "bounces_converged": False if everything else None}
 
 
