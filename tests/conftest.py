@@ -93,8 +93,8 @@ def no_gl_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     found: list[str] = []
     create, release = context.create, moderngl.Context.release
 
-    def watched_create(require: int = context.REQUIRED) -> moderngl.Context:
-        made = create(require)
+    def watched_create() -> moderngl.Context:
+        made = create()
         contexts.append(made)
         return made
 

@@ -34,8 +34,8 @@ _ADVICE = (
 )
 
 
-def create(require: int = REQUIRED) -> moderngl.Context:
-    """Return a new standalone context of at least version `require`, made current; EGL on Linux, else the system's own.
+def create() -> moderngl.Context:
+    """Return a new standalone context of at least version REQUIRED, made current; EGL on Linux, else the system's own.
 
     The context works only in the thread and process that made it. Raises GLError, one line with the remedy, if no context can be
     made, or if the process was forked from one with a context.
@@ -57,7 +57,7 @@ def create(require: int = REQUIRED) -> moderngl.Context:
     first = ""
     for option in options:
         try:
-            ctx = moderngl.create_context(standalone=True, require=require, **option)
+            ctx = moderngl.create_context(standalone=True, require=REQUIRED, **option)
         except Exception as error:  # moderngl raises bare Exceptions
             message = " ".join(str(error).split())
             first = first or message

@@ -32,15 +32,15 @@ class Source:
     uniforms: dict[str, str]
 
 
-def load(name: str, defines: Mapping[str, object] | None = None, root: Path | None = None) -> Source:
-    """Return the shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` expanded.
+def load(name: str, defines: Mapping[str, object] | None = None) -> Source:
+    """Return the shader file `name` (relative to the folder of shaders) with includes and `defines` expanded.
 
     `#include "lib/x.glsl"` is replaced by the file's text once, and by nothing afterwards; "generated/x.glsl" is written in
     Python (core/glsl.py). Includes in blocks that the compiler skips are left out. Places of lines are kept here, not in #line
-    directives, because Mesa drops their file numbers. Bundled files are read once. Raises ShaderError for a missing file.
+    directives, because Mesa drops their file numbers. Files are read once. Raises ShaderError for a missing file.
     """
     values = tuple((key, value, str(value)) for key, value in (defines or {}).items())  # 1 and True differ as text
-    return _expanded(name, values, folder("shaders")) if root is None else _expanded.__wrapped__(name, values, root)
+    return _expanded(name, values, folder("shaders"))
 
 
 @lru_cache(500)  # some 15 MB

@@ -95,12 +95,9 @@ class Hit:
 
 
 class Tracer:
-    """A scene for tracing; lengths in the scene's units, radiance and irradiance in W/(m² sr) and W/m².
+    """A scene for tracing; lengths in the scene's units, radiance and irradiance in W/(m² sr) and W/m²."""
 
-    emitters: sample emitting triangles as lights; otherwise they are only hit by chance.
-    """
-
-    def __init__(self, scene: Scene, emitters: bool = True) -> None:
+    def __init__(self, scene: Scene) -> None:
         self.scene, self.surfaces = scene, Surfaces.of(scene)
         self.epsilon = EPSILON * scene.diagonal  # offset of a ray from its surface
         surfaces, table = self.surfaces, self.surfaces.materials
@@ -129,7 +126,7 @@ class Tracer:
         self.photometries: dict[Photometry, PhotometryLanes] = {}
         environment = scene.environment
         self.sky_map = None if environment is None else mi.Float(np.ascontiguousarray(environment.light, np.float32).ravel())
-        found = Emitters.of(surfaces) if emitters else None
+        found = Emitters.of(surfaces)
         self.emitters = None if found is None else EmitterLanes(found, np.searchsorted(solid, found.face), len(solid))
 
     # --- rays -----------------------------------------------------------------------------------------------------------

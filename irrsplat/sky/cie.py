@@ -19,7 +19,7 @@ TURBIDITY = 2.45  # gensky's
 GROUND = 0.2  # mean reflectance of the ground, gensky's
 SUN_DIAMETER = 0.533  # degrees
 _HIGHEST = 87.0  # degrees: a clear sky's zenith luminance has a pole for a sun overhead; gensky clamps here as well
-ROWS = 1024  # of the map: the sun is three texels wide
+ROWS = 1024  # of the map, even: the sun is three texels wide
 _FINE = 9  # points along a side of a texel, for the coverage by the sun's disc
 
 
@@ -95,14 +95,14 @@ class CieSky:
         lux = 1.5e9 * 6e-5 * (1.147 - 0.147 / max(float(self.sun_direction[1]), 0.16))
         return lux * (0.15 if self.kind == "intermediate" else 1.0)
 
-    def environment(self, about: str, line: str = "", rows: int = ROWS) -> Environment:
-        """Return the sky and its ground as a map of `rows` (even), and its sun as a light; W/(m² sr) and W/m² by 179 lm/W.
+    def environment(self, about: str, line: str = "") -> Environment:
+        """Return the sky and its ground as a map of ROWS, and its sun as a light; W/(m² sr) and W/m² by 179 lm/W.
 
         The luminances are the CIE's. A clear sky and a sun have colours of that luminance; all else is grey.
         """
-        width = 2 * rows
-        half, area = rows // 2, solid_angles(rows, width)
-        ways = texel_directions(rows, width, np.arange(half))
+        width = 2 * ROWS
+        half, area = ROWS // 2, solid_angles(ROWS, width)
+        ways = texel_directions(ROWS, width, np.arange(half))
         relative = self.relative(ways)
         open_sky = float(np.einsum("ij,ij,i->", relative, ways[..., 1], area[:half]))  # E over the zenith's luminance
         zenith = self.zenith_luminance if self.lux is None else self.lux / open_sky
@@ -116,7 +116,7 @@ class CieSky:
             return Environment(light, light, (), about, line=line)
         tint = sunlight(float(self.sun_direction[1]), self.turbidity)
         source = sun(self.sun_direction, tint * (direct / LUMINOUS_EFFICACY))
-        disc = _disc(self.sun_direction, rows)
+        disc = _disc(self.sun_direction, ROWS)
         disc *= direct / LUMINOUS_EFFICACY / (disc @ np.ones(width) @ area)
         shown = light + (disc[..., None] * tint).astype(np.float32)
         return Environment(shown, light, (source,), about, line=line)

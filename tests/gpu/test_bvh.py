@@ -69,8 +69,11 @@ def shaded(
         "    vec3 p = mat3(triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2))"
         " * hit.barycentric;\n    out_hit = hit.t < FARTHEST_HIT ? vec4(p, hit.t) : vec4(0.0, 0.0, 0.0, -1.0);\n}\n"
     )
-    source = shader_source.load("walk.frag", root=tmp_path)
-    program = ctx.program(vertex_shader=shader_source.load("lib/fullscreen.vert").text, fragment_shader=source.text)
+    vertex = shader_source.load("lib/fullscreen.vert").text
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(shader_source, "folder", lambda name: tmp_path)
+        source = shader_source.load("walk.frag")
+    program = ctx.program(vertex_shader=vertex, fragment_shader=source.text)
     vertices = np.zeros((3 * len(corners), WIDTH), "f4")
     vertices[:, :3] = corners.reshape(-1, 3)
     tree, triangles = (

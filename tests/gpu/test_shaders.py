@@ -21,15 +21,6 @@ B = '// b needs a\n#include "lib/a.glsl"\nfloat b() { return a(); }\n'
 
 
 @pytest.fixture
-def root(tmp_path: Path) -> Path:
-    """A shader folder of its own: main.frag includes a and b, and b includes a as well."""
-    (tmp_path / "lib").mkdir()
-    for name, text in {"main.frag": MAIN, "lib/a.glsl": A, "lib/b.glsl": B}.items():
-        (tmp_path / name).write_text(text)
-    return tmp_path
-
-
-@pytest.fixture
 def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The bundled shaders are those of a folder of the test's own, with the vertex shader that fills the target."""
     (tmp_path / "lib").mkdir()
@@ -38,8 +29,16 @@ def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def root(bundle: Path) -> Path:
+    """The folder of `bundle` with main.frag, which includes a and b. b includes a as well."""
+    for name, text in {"main.frag": MAIN, "lib/a.glsl": A, "lib/b.glsl": B}.items():
+        (bundle / name).write_text(text)
+    return bundle
+
+
 def test_a_file_is_included_once(root: Path) -> None:
-    text = shader_source.load("main.frag", root=root).text
+    text = shader_source.load("main.frag").text
     assert text.count("float a()") == 1 and text.count("float b()") == 1
     assert text.index("float a()") < text.index("float b()") < text.index("void main")
     assert text.startswith("#version 330"), "and nothing stands before the version"
@@ -56,9 +55,9 @@ def compiler_s_place(source: shader_source.Source, part: str) -> tuple[int, int]
 def test_a_missing_file_is_named_with_who_asked_for_it(root: Path) -> None:
     (root / "lib" / "b.glsl").write_text('\n\n#include "lib/nowhere.glsl"\n')
     with pytest.raises(ShaderError, match=r"^lib/b\.glsl:3: .*lib/nowhere\.glsl"):
-        shader_source.load("main.frag", root=root)
+        shader_source.load("main.frag")
     with pytest.raises(ShaderError, match="absent"):
-        shader_source.load("absent.frag", root=root)
+        shader_source.load("absent.frag")
 
 
 def test_uniforms_are_read_from_the_text(root: Path) -> None:
@@ -74,9 +73,9 @@ def test_uniforms_are_read_from_the_text(root: Path) -> None:
         "#ifdef OTHER\nuniform int other;\n#endif\n"
         "void main() {}\n"
     )
-    with_extra = shader_source.load("main.frag", {"EXTRA": 1, "DEEP": 0}, root=root).uniforms
+    with_extra = shader_source.load("main.frag", {"EXTRA": 1, "DEEP": 0}).uniforms
     assert with_extra == {"x": "float", "rows": "vec4", "picture": "sampler2D", "extra": "vec3", "other": "int"}
-    without = shader_source.load("main.frag", {"EXTRA": 0, "DEEP": 1}, root=root).uniforms
+    without = shader_source.load("main.frag", {"EXTRA": 0, "DEEP": 1}).uniforms
     assert without == {"x": "float", "rows": "vec4", "picture": "sampler2D", "plain": "vec2", "other": "int"}
 
 
@@ -93,7 +92,7 @@ def test_uniforms_are_read_from_the_text(root: Path) -> None:
     ("part", "place"), [("float a()", "lib/a.glsl:1: "), ("float b()", "lib/b.glsl:3: "), ("void main", "main.frag:4: ")]
 )
 def test_every_compiler_s_complaint_is_one_line_with_its_place(root: Path, log: str, part: str, place: str) -> None:
-    source = shader_source.load("main.frag", root=root)
+    source = shader_source.load("main.frag")
     number, line = compiler_s_place(source, part)
     message = shader_source.explain(
         f"GLSL Compiler failed\n\nfragment_shader\n=====\n{log.format(number=number, line=line)}\n", source

@@ -70,11 +70,14 @@ def test_a_checkered_floor_seen_by_a_point(mitsuba: Any, kind: str) -> None:
 
 @pytest.mark.parametrize("power", [False, True])
 def test_a_panel_over_a_plane(mitsuba: Any, power: bool) -> None:
-    """By Lambert's formula, with the panel sampled as a light and without; half of the panel is dark by its texture."""
+    """By Lambert's formula, with two panels sampled as lights and without. Half of one panel is dark by its texture.
+
+    A scene that mostly emits has no next-event estimation of emitters.
+    """
     panel = quad((0.2, 0.5, 0.1), (0.3, 0, 0), (0, 0, 0.2), Material((0, 0, 0), (2.0, 4.0, 6.0)))
     half = Texture(image([[255, 0]], [[255, 0]], [[255, 0]]), nearest=True)
     other = worn(quad((-0.9, 0.2, 0.1), (0.4, 0.1, 0), (0, 0, 0.3), Material((0, 0, 0), (1.0, 1.0, 1.0), emission_texture=half)))
-    tracer = mitsuba.Tracer(scene(floor(3.0), panel, other), emitters=power)
+    tracer = mitsuba.Tracer(scene(*[floor(3.0)] * power, panel, other))
     p = np.stack([np.linspace(-0.5, 0.5, 9), np.zeros(9), np.full(9, 0.2)], axis=1)
     bright = other.positions.copy()
     bright[1:3] = (other.positions[[0, 3]] + other.positions[[1, 2]]) / 2

@@ -9,7 +9,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import cache, partialmethod
+from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -33,7 +33,6 @@ from irrsplat.scene.io.obj.reader import load_obj
 from irrsplat.scene.io.text.scene_text import load_text
 from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.settings import SETTINGS, Settings
-from irrsplat.sky.cie import CieSky
 from irrsplat.sky.map_file import read_map
 from tests.support.gltf_files import read_image
 
@@ -99,7 +98,7 @@ def _file(ending: str, read: Read) -> Callable[[Path, bytes], None]:
         whole = hashlib.sha1(data).digest()[0] % WHOLE == 0
         with within(path), ExitStack() as patched:
             if not whole:
-                patched.enter_context(mock.patch.object(CieSky, "environment", partialmethod(CieSky.environment, rows=8)))
+                patched.enter_context(mock.patch("irrsplat.sky.cie.ROWS", 8))
                 for module in ("assets.asset", "gltf.reader", "text.scene_text"):
                     patched.enter_context(mock.patch(f"irrsplat.scene.io.{module}.finish", _plain))
             _check(read(path))
