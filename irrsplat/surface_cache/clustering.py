@@ -5,7 +5,7 @@ Each point of a tessellation has two members, one on each side of its surface.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31
 _WITHIN = 62  # the bit of a key that marks an inner side
 # Sides in steps of the blocks that near_sites searches in turn, and True if a block must have all requested sites. Blocks of 3
 # steps have hundreds of sites in dense models.
-_BLOCKS = (1.5, True), (3.0, False), (12.0, False)
+_BLOCKS = (0.5, True), (1.5, True), (3.0, False), (12.0, False)
 _AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
 _MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
 _MIN_COSINE = 0.3  # least cosine between normals of a member and its site
@@ -44,6 +44,9 @@ class Members:
 
     def __len__(self) -> int:
         return len(self.position)
+
+    def __getitem__(self, some: np.ndarray) -> Members:
+        return Members(*(getattr(self, name)[some] for name in ("position", "normal", "geometric", "eye")))
 
 
 def both_sides(tessellation: Tessellation, offset: float, outer: np.ndarray, inner: np.ndarray) -> Members:
@@ -93,11 +96,17 @@ def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[n
     stays[fine] = False
     kept, which = np.flatnonzero(stays), np.cumsum(stays) - 1
     position = tessellation.position[fine]
-    _, voxel = np.unique(voxel_keys(position, tessellation.normal[fine], size), return_inverse=True)
-    key = voxel.ravel() * (mesh.max(initial=0) + 1) + mesh[tessellation.face[fine]]
+    key = _by_mesh(voxel_keys(position, tessellation.normal[fine], size), mesh[tessellation.face[fine]])
     chosen, site = choose_sites(key, position, tessellation.area[fine], 0.0, len(fine))
     which[fine] = len(kept) + site
     return np.concatenate([kept, fine[chosen]]), which
+
+
+def _by_mesh(keys: np.ndarray, mesh: np.ndarray) -> np.ndarray:
+    """Return (M,) numbers that are equal for equal `keys` (M,) of one `mesh` (M,)."""
+    _, number = np.unique(keys, return_inverse=True)
+    numbers: np.ndarray = number.ravel() * (int(mesh.max(initial=0)) + 1) + mesh
+    return numbers
 
 
 def choose_sites(keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int) -> Choice:
@@ -131,9 +140,9 @@ def choose_sites(keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_a
 class Clusters:
     """The tessellation, M members on its two sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
 
-    area: (M,) area that each member represents, m². face: (M,) number of its triangle. member: (2, P) number of the member for
-    each side of each point of the tessellation. value: (M,) numbers of the members' values; -1 until SiteChooser fills the
-    values that need a gather. level: (M,) number of times that the size of the cluster is halved.
+    area: (M,) area that each member represents, m². face, mesh: (M,) numbers of its triangle and of its mesh. member: (2, P)
+    number of the member for each side of each point of the tessellation. value: (M,) numbers of the members' values; -1 until
+    SiteChooser fills the values that need a gather. level: (M,) number of times that the size of the cluster is halved.
     """
 
     tessellation: Tessellation
@@ -142,6 +151,7 @@ class Clusters:
     spacing: float
     area: np.ndarray
     face: np.ndarray
+    mesh: np.ndarray
     member: np.ndarray
     value: np.ndarray
     level: np.ndarray
@@ -161,6 +171,20 @@ class Clusters:
         """Return the sites among the members `left`, and the site of each member, see choose_sites."""
         area = self.area[left] * 4.0 ** self.level[left]
         return choose_sites(self.keys[left], self.members.position[left], area, min_area, most)
+
+    def parts(self, some: np.ndarray | slice, width: float) -> np.ndarray:
+        """Return (N,) numbers of parts: of one mesh, in one voxel of `width` metres, and alike in normals, for members `some`."""
+        columns = self.members.position, self.members.normal, self.level, self.within, self.mesh
+        place, normal, level, within, mesh = (column[some] for column in columns)
+        return _by_mesh(voxel_keys(place, normal, width, level, within), mesh)
+
+    def merged(self, width: float) -> Clusters:
+        """Return the clusters with one member for all members without a value in one part of this `width`, see `parts`."""
+        parts = np.where(self.value < 0, self.parts(slice(None), width), -2 - np.arange(len(self.value)))
+        kept, which = choose_sites(parts, self.members.position, self.area, 0.0, len(parts))
+        columns = {name: getattr(self, name)[kept] for name in ("members", "keys", "face", "mesh", "value", "level")}
+        area = np.bincount(which, self.area, len(kept))
+        return replace(self, member=which[self.member], area=area, **columns)
 
     def sites(self, at: np.ndarray) -> Sites:
         """Return the members `at` (N,) as places for records."""

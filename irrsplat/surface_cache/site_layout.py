@@ -39,9 +39,11 @@ _ALTERNATIVES = 10  # near sites that are tried for a member without a site of i
 _FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: sites of the first round, about and at most; members that see none get the remaining
 _MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
+_CLOSE = 1 / 16  # of that width: closer members of a coarse level are one member
+_PART = 1 / 4  # of that width: closer members of a coarse level share a near site
 _PLACES = 32  # greatest number of lights and cameras with fine cells around them
 _STEEP_PLACES = 128  # greatest number of lights and parts of emitters with fine cells around them
-_PART = 0.35  # of the spacing: greatest size of a part of an emitter
+_PANEL = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 _LEAST_COUNT = 1e-6  # of a triangle's area; around places that lie in a surface, all triangles have it
 _BEFORE = 0.9  # of the visible shares of two edges: the place that is tested for a recess
@@ -193,11 +195,16 @@ class SiteChooser:
         about, most = (share * self.detail.most for share in _FIRST_SHARE)
         while True:
             keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing, level, within)
-            clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value, level)
+            clusters = Clusters(tessellation, members, keys, spacing, area, face, mesh[face], member, value, level)
             first = clusters.choose(left, len(left), clusters.min_area)
             if len(first[0]) <= most:
-                return clusters, first
+                break
             spacing *= 1.05 * float(np.sqrt(len(first[0]) / about))
+        if self.detail == COARSE:
+            clusters = clusters.merged(_CLOSE * VOXEL * spacing)
+            left = np.flatnonzero(clusters.value < 0)
+            first = clusters.choose(left, len(left), clusters.min_area)
+        return clusters, first
 
     def _known_values(self, members: Members) -> np.ndarray:
         """Return (M,) the numbers of the members' values that need no gather, else -1."""
@@ -239,22 +246,22 @@ class SiteChooser:
         of them lost a third of its second bounce.
         """
         members, value = clusters.members, clusters.value
-        left = np.flatnonzero(value < 0)
-        # a coarse level compares one member per cluster; in a full level, a groove's members take other sites than its rim's
-        keys = clusters.keys[left] if self.detail == COARSE else left
-        _, first, cluster = np.unique(keys, return_index=True, return_inverse=True)
-        size = VOXEL * clusters.spacing
-        finding = partial(clustering.near_sites, members, left[first], gathered, size, _ALTERNATIVES)
-        near = (yield from in_background(finding))[cluster.ravel()]
+        left, size = np.flatnonzero(value < 0), VOXEL * clusters.spacing
+        # a coarse level tests one of several close members: most members that are left lie within objects and see no site
+        parts = clusters.parts(left, _PART * size) if self.detail == COARSE else left
+        _, first, part = np.unique(parts, return_index=True, return_inverse=True)
+        some = left[first]
+        near = yield from in_background(partial(clustering.near_sites, members, some, gathered, size, _ALTERNATIVES))
+        found = np.full(len(some), -1)
         for site in near.T:
-            pending = np.flatnonzero((value[left] < 0) & (site >= 0))
-            seen = yield from self.see(members, left[pending], gathered[site[pending]])
-            value[left[pending[seen]]] = FIRST_SITE + site[pending[seen]]
+            pending = np.flatnonzero((found < 0) & (site >= 0))
+            seen = yield from self.see(members, some[pending], gathered[site[pending]])
+            found[pending[seen]] = site[pending[seen]]
         # the two sides of a small emitter are close, and only one side is bright
-        alike = (near >= 0) & (clusters.within[gathered[near]] == clusters.within[left][:, None])
+        alike = (near >= 0) & (clusters.within[gathered[near]] == clusters.within[some][:, None])
         nearest = near[np.arange(len(near)), alike.argmax(1)]
-        unseen = (value[left] < 0) & alike.any(1)
-        value[left[unseen]] = FIRST_SITE + nearest[unseen]
+        found = np.where((found < 0) & alike.any(1), nearest, found)
+        value[left] = np.where(found < 0, -1, FIRST_SITE + found)[part.ravel()]
 
     def _cells(self, clusters: Clusters) -> Steps[np.ndarray]:
         """Return SiteLayout.cells, once all members have values."""
@@ -351,7 +358,7 @@ def _steep_places(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spac
     weights = np.maximum(cells.area, 1e-30)
     area = np.bincount(voxel.ravel(), weights)
     at = [np.bincount(voxel.ravel(), weights * x) / area for x in cells.position.T]
-    size = np.minimum(area / width, _PART * spacing)  # the width of a strip, or less
+    size = np.minimum(area / width, _PANEL * spacing)  # the width of a strip, or less
     found = np.concatenate([np.reshape(lights, (-1, 4)), np.stack([*at, size], axis=1)])
     return found[:: -(-len(found) // _STEEP_PLACES) or 1]
 

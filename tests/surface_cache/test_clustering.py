@@ -18,7 +18,7 @@ def scattered(count: int, side: float) -> Members:
 
 def test_the_nearest_sites_that_face_alike_come_in_their_order() -> None:
     """All members lie in one block of the smallest kind: a comparison of all pairs is the oracle."""
-    members, size = scattered(300, 3.0), 4.0
+    members, size = scattered(300, 3.0), 12.0
     requesting, sites = np.arange(100), np.arange(100, 300)
     found = near_sites(members, requesting, sites, size, 5)
     for member, nearest in zip(requesting, found, strict=True):

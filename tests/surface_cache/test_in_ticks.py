@@ -15,13 +15,14 @@ from irrsplat import Renderer
 from irrsplat.gather.record_frame import PLACES
 from irrsplat.gpu import world
 from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.world import World
 from irrsplat.image.view import Progress
 from irrsplat.scene.model import Light
 from irrsplat.scene.spatial.bvh import Bvh, build
 from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
-from tests.support.worlds import box, material, point_light, scene
+from tests.support.worlds import box, material, point_light, scene, sphere
 from tests.surface_cache.test_bounces import ALL, advance, few, gathered, made, values
 from tests.surface_cache.test_surface import clusters
 
@@ -106,6 +107,17 @@ ROOM = scene(
 def lit(share: float) -> list[Light]:
     """Return the lights at this share 0..1 of the path."""
     return [replace(ROOM.lights[0], position=carried(share))]
+
+
+def test_a_coarse_level_merges_close_members_of_one_mesh_alone(ctx: moderngl.Context) -> None:
+    """Each point on two spheres that are a thousandth apart has a near member on its own sphere; the area stays the same."""
+    spheres = scene(sphere((0, 0, 0), 1.0, rings=48, segments=96), sphere((0, 0, 0), 1.001, rings=48, segments=96))
+    merged = clusters(World(ctx, spheres), COARSE)
+    cut, member, faces = merged.tessellation, merged.member[0], len(spheres.meshes[0].faces)
+    apart = np.linalg.norm(merged.members.position[member] - cut.position, axis=1)
+    assert len(np.unique(member)) < 0.5 * len(member) and apart.max() < 0.25 * merged.spacing
+    assert np.array_equal(merged.face[member] < faces, cut.face < faces)
+    assert merged.area.sum() == pytest.approx(2.0 * cut.area.sum())
 
 
 def test_coarse_light_does_not_wait_for_the_tree(
