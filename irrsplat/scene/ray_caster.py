@@ -133,8 +133,11 @@ class RayCaster:
         _in_parts(len(starts), _rays_per_call(len(starts)), test)
         return found
 
-    def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return (N,) float32, the share of segments from `starts` to `ends`, (N, 3) metres each, to the first hit; 1: none."""
+    def reach(self, starts: np.ndarray, ends: np.ndarray, cut_outs: bool = True) -> np.ndarray:
+        """Return (N,) float32, the share of segments from `starts` to `ends`, (N, 3) metres each, to the first hit; 1: none.
+
+        cut_outs: False if rays pass all cut-out triangles.
+        """
         found = np.ones(len(starts), np.float32)
         starts, ends = (np.asarray(points, np.float32) for points in (starts, ends))
 
@@ -143,7 +146,7 @@ class RayCaster:
             start, away = starts[some], ends[some] - starts[some]
             if self._scene is not None:
                 found[some] = self._scene.run(start, away, found[some].copy(), query="DISTANCE")
-            if self._cut_out is not None:
+            if cut_outs and self._cut_out is not None:
                 found[some] = self._between_holes(start, away, found[some])[1]
 
         _in_parts(len(starts), _rays_per_call(len(starts)), trace)

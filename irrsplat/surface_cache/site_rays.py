@@ -132,7 +132,10 @@ class SiteRays(Owner):
         return E
 
     def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return (N,) the visible share of segments, see RayCaster.reach."""
+        """Return (N,) the visible share of segments, see RayCaster.reach.
+
+        Among trees, nine tenths of the time are for cut-out triangles: with Embree, rays of a coarse level pass these.
+        """
         if self._embree:
-            return self.world.caster.reach(starts, ends)
+            return self.world.caster.reach(starts, ends, cut_outs=self._detail.level >= 0)
         return self._visibility(self.world.ray_uniforms, starts, ends)

@@ -45,15 +45,23 @@ def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
 def test_it_passes_what_is_cut_out(ctx: moderngl.Context, wrap: Wrap) -> None:
-    """Through fences with half cut out, one above another, a record sees the sky, and the wall in front of some of it."""
+    """Through fences with half cut out, one above another, a record sees the sky, and the wall in front of some of it.
+
+    Segments that pass all cut-out triangles end at the wall alone.
+    """
     pattern = Texture(image(np.full((8, 8), 255), 255 * checker(8)), wrap=(wrap, wrap))
-    paint, uvs = replace(material(0.5), albedo_texture=pattern, alpha_cutoff=0.5), np.zeros((4, 4), "f4")
+    paint, uvs = replace(material(0.5), albedo_texture=pattern, alpha_mode="mask", alpha_cutoff=0.5), np.zeros((4, 4), "f4")
     uvs[:, :2] = (-0.1, 0.1), (-0.1, 1.4), (1.2, 1.4), (1.2, 0.1)
     fences = [replace(quad((-1, height, -1), (0, 0, 2), (2, 0, 0), paint), uvs=uvs) for height in (0.5, 0.52, 0.6)]
     behind = box((-0.3, 0.8, -0.3), (0.3, 1.0, 0.3), material(0.8))
     where = sites([(x, 0.0, 0.1) for x in np.linspace(-0.8, 0.8, 9)], UP)
     with Lit(ctx, scene(*fences, behind, sky=1.0, lights=(point_light((0.0, 2.0, 0.0)),))) as lit:
         truth, found = (lit.gather(where, 32, kind).E[:, 0] for kind in ("trace", "embree"))
+        starts = np.random.default_rng(1).uniform(-0.9, 0.9, (200, 3)) * (1.0, 0.0, 1.0)
+        ends = starts + np.array([0.0, 2.0, 0.0])
+        whole, passed = (lit.world.caster.reach(starts, ends, cut_outs) for cut_outs in (True, False))
+        by_fences = np.mean(whole < 0.35)
+    assert 0.3 < by_fences < 0.7 and np.allclose(passed, np.where(np.abs(starts).max(1) < 0.3, 0.4, 1.0), atol=1e-5)
     assert 0.1 * np.pi < truth.min() and truth.max() < 0.9 * np.pi, "there are fences"
     assert np.allclose(found, truth, rtol=2e-3)
 
