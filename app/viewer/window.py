@@ -20,8 +20,8 @@ from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
 TITLE = "irrsplat"
-_EVENTS = (  # glfw's names of events that may change the picture; `drop` is set separately
-    *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "window_size", "window_focus"),
+_EVENTS = (  # glfw's names of events that may change the picture; `drop` and `window_size` are set separately
+    *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "window_focus"),
     *("window_iconify", "window_content_scale", "window_refresh", "window_close", "framebuffer_size"),
 )
 _FLOWING = ("cursor_pos", "scroll", "window_refresh")  # the events that come many times a second
@@ -81,6 +81,14 @@ class Desktop:
             return
         drop = self._keeping("drop", lambda _, paths: dropped(list(paths)))
         glfw.set_drop_callback(self._window, drop)  # glfw's stubs have C's signature
+        resized = self._wnd.glfw_window_resize_callback  # type: ignore[attr-defined]
+
+        def resize(window: Any, *_: int) -> None:
+            size: tuple[int, int] | None = None
+            while size != (size := glfw.get_window_size(window)):  # `resized` reads the pixels: both sizes are of one time
+                resized(window, *size)
+
+        glfw.set_window_size_callback(self._window, self._keeping("window_size", resize))
         glfw.set_window_focus_callback(self._window, lambda _, has: focused(bool(has)))
         for kind in _EVENTS:
             set_callback = getattr(glfw, f"set_{kind}_callback")

@@ -113,9 +113,12 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, list[str]]:
     return process.returncode, [line for line in said.splitlines() if not line.startswith(("MESA:", "glx:"))]
 
 
-def test_it_opens_reacts_to_a_key_and_a_click_and_ends(display: None, tmp_path: Path) -> None:
+def test_it_opens_reacts_to_a_key_a_click_and_sizes_and_ends(display: None, tmp_path: Path) -> None:
     with viewer(tmp_path) as process:
         until(normals_shown, "normals", "key", "7")
+        window = hand("getwindowfocus")
+        until(lambda: not normals_shown(), "a window of one pixel", "windowsize", window, 1, 1)
+        until(normals_shown, "the window as before", "windowsize", window, *SIZE)
         hand("click", 1)
         until(lambda: (np.abs(seen().astype(int) - OUTLINE) < 8).all(-1).any(), "an outline")
         until(lambda: process.poll() is not None, "the end", "key", "ctrl+q")
