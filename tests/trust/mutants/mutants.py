@@ -70,7 +70,7 @@ tests/indirect/test_splat.py::test_a_quadratic_field_is_extrapolated_exactly
 tests/records/test_adapt.py::test_limits_equal_numpy_in_any_order
     limit of a radius by the difference in place of its root: distance / a * «sqrt → »(adapt / difference)
 tests/records/test_adapt.py::test_the_limits_of_many_are_those_of_the_few_near_them
-    bisection for the first compared record reversed: bool below = neighbour_at(middle)[axis] «< → >» least;
+    bisection for the first compared record reversed: bool below = neighbour_at(middle)[axes.x] «< → >» least;
 tests/indirect/test_examine.py::test_examination_equals_numpy
     the best pixel of a tile in place of the worst: worst = w «< → >» least ? i : worst;
 tests/surface_cache/test_surface.py::test_a_lookup_is_what_plain_sums_give
