@@ -16,8 +16,7 @@ from irrsplat.core.vectors import vector
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.defaults import finish
-from irrsplat.scene.io.mesh_builder import build_meshes
-from irrsplat.scene.io.part import Part
+from irrsplat.scene.io.mesh_builder import Part, build_meshes
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 from irrsplat.scene.model.checks import check_type, checked
 from irrsplat.scene.motion import affine

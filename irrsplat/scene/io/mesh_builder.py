@@ -4,16 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from irrsplat.core.vectors import Vector, near_origin, times, unit
 from irrsplat.core.vectors import cross as cross_product
-from irrsplat.scene.io.part import Part
-from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.model import Material, Mesh, Scene
 
 _FLAT = 1e-12  # twice the area over the longest edge squared; smaller values are rounding errors
 _HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64)  # odd factors
+
+
+@dataclass(frozen=True)
+class Part:
+    """Triangles of one material in object space, as a file has them.
+
+    positions: (V, 3), finite. corners: (F, 3) into positions. normals: (N, 3), of any length, or None. corner_normals: (F, 3)
+    into normals, -1 for none; None: one normal a position. matrix: (4, 4) world_from_object, affine; None: identity. colors:
+    (V, 3) or None. uvs: (T, 4), two sets u v u v, or None. corner_uvs: (F, 3) into uvs, -1 for none (0 0 0 0); None: one row a
+    position. opacities: (V,) or None. files: read for it, apart from the main one. source: place in the file, for messages.
+    """
+
+    positions: np.ndarray
+    corners: np.ndarray
+    normals: np.ndarray | None = None
+    corner_normals: np.ndarray | None = None
+    matrix: np.ndarray | None = None
+    material: Material = Material()
+    colors: np.ndarray | None = None
+    name: str = ""
+    files: tuple[Path, ...] = ()
+    uvs: np.ndarray | None = None
+    corner_uvs: np.ndarray | None = None
+    opacities: np.ndarray | None = None
+    source: Any = None
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,8 @@ from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.io.assets.ply import read_ply
 from irrsplat.scene.io.assets.stl import read_stl
 from irrsplat.scene.io.defaults import finish
-from irrsplat.scene.io.mesh_builder import build_meshes
+from irrsplat.scene.io.mesh_builder import Part, build_meshes
 from irrsplat.scene.io.obj.asset import read_obj
-from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Scene
 from irrsplat.scene.stand_ins.up_axis import up_vector
 from irrsplat.sky.sky_text import sky_of

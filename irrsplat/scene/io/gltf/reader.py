@@ -25,8 +25,7 @@ from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, prin
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
-from irrsplat.scene.io.mesh_builder import build_meshes
-from irrsplat.scene.io.part import Part
+from irrsplat.scene.io.mesh_builder import Part, build_meshes
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.stand_ins.up_axis import up_vector
 from irrsplat.sky.sky_text import sky_of

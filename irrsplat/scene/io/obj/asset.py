@@ -11,9 +11,9 @@ from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.words import quote
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.images import find_file
+from irrsplat.scene.io.mesh_builder import Part
 from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries, name_without_comment
 from irrsplat.scene.io.obj.reader import Shape, load_obj
-from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Material
 
 MOST_GROUPS = 400  # above this number, groups are merged

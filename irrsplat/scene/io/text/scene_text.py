@@ -18,9 +18,8 @@ from irrsplat.core.words import is_number, quote
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
 from irrsplat.scene.io.lines import Line, lines
-from irrsplat.scene.io.mesh_builder import build_meshes
+from irrsplat.scene.io.mesh_builder import Part, build_meshes
 from irrsplat.scene.io.obj.reader import Shape, load_obj
-from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.sky import sky_text
 
