@@ -23,6 +23,7 @@ from irrsplat.scene.change import SceneChange
 _FLOOR = 0.015  # of the records' mean luminance: see RecordCache.update_luminance_floor
 _STEADY = 1.4  # greatest ratio of the luminance floor to its newly computed value, either way, that leaves it unchanged
 _ROWS = 4  # initial rows of the textures, doubled whenever they are full
+LINEAR = ("irradiance", "vectors", "gradient")  # columns in proportion to the light; R depends on geometry alone
 PROBED = 22  # numbers that a probe keeps of a record: E, R, M and ∇E
 
 
@@ -316,6 +317,23 @@ class RecordCache(Owner):
         textures = {name: self._texture(name, self._rows, rows) for name, rows in self._corrected(values, numbers).items()}
         self.revision += 1
         self._replace(textures)
+
+    def dim(self, factor: np.ndarray) -> None:
+        """Scale all records and their probes by `factor` (3,), red, green and blue. No record becomes stale.
+
+        The second derivatives stay: they are relative to luminance, and change only if the factors differ. They affect radii
+        only.
+        """
+        f = np.asarray(factor, np.float32)
+        found, before = self.records.read(*LINEAR), luminance_floor(self.values[:, :3])
+        scaled = {name: values * (f if name == "irradiance" else f[:, None]) for name, values in found.items()}
+        self.correct(scaled, np.arange(self.count))
+        if before > 0.0:  # the split into dark and bright records stays
+            self.luminance_floor *= luminance_floor(self.values[:, :3]) / before
+        probe = self.column("probe")
+        probe[:, :3] *= f
+        probe[:, 4:] *= np.tile(np.repeat(f, 3), 2)  # M and ∇E, three numbers of each channel
+        self.refresh_count += 1  # triggers a new comparison of radii
 
     def _corrected(self, values: Mapping[str, np.ndarray], numbers: np.ndarray) -> dict[str, np.ndarray]:
         """Return the texels of the textures that these columns lie in, with `values` as in `correct`."""

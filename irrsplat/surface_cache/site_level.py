@@ -17,7 +17,6 @@ from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
-from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
@@ -155,7 +154,7 @@ class SiteLevel(Owner):
         self._steps.bouncing = None
         for sites in {self.sites, self.shown}:
             if sites is not None:
-                dim(sites.records, f)
+                sites.records.dim(f)
         if self.follower is not None:
             self.follower.dim(f)
         if self.light is not None:

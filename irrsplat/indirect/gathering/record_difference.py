@@ -11,8 +11,7 @@ from irrsplat.gather.hemisphere import Gather
 from irrsplat.gpu.resource import Owner
 from irrsplat.indirect.gathering.basis import Basis
 from irrsplat.indirect.gathering.gathers import Gathers
-from irrsplat.records.dimming import LINEAR
-from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.surface_cache.light_difference import LightDifference
 
 

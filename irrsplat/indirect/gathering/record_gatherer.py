@@ -21,8 +21,7 @@ from irrsplat.indirect.gathering.basis import Basis, BounceStatistics
 from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, apply_probes, columns_of, scale_by_surface
 from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.indirect.gathering.record_difference import RecordDifference
-from irrsplat.records.dimming import LINEAR, dim
-from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Light, Scene
 from irrsplat.settings import Settings
@@ -202,7 +201,7 @@ class RecordGatherer(Owner):
             kept = cache.move_with_meshes(change)
             cache.keep_only(kept)
         if change.dimming is not None:
-            dim(cache, change.dimming)
+            cache.dim(change.dimming)
         elif change:
             new = replace(new, moved=changed is None, relit=old.relit or change.changes_light, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
