@@ -20,7 +20,6 @@ from irrsplat.app.bake.unwrap import Chartist, Charts, unwrap
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import triangle_areas
-from irrsplat.image.output.exr import write_layers
 from irrsplat.scene.model import Material, Mesh, Scene, Texture
 from irrsplat.scene.model.checks import check_type
 from irrsplat.settings import SettingValues
@@ -65,7 +64,7 @@ class Lightmap:
             raise InputError("a lightmap is written as a .glb; give -o a name that ends so", str(path) or "''")
         files.write_bytes(glb, glb_of(self, form))
         exr, values = glb.with_suffix(".exr"), np.ascontiguousarray(getattr(self, form), np.float32)
-        files.write_file(exr, partial(write_layers, layers={"RGB": values}, rows=len(values)))
+        files.write_file(exr, partial(files.write_layers, layers={"RGB": values}, rows=len(values)))
         return glb, exr
 
     @property

@@ -65,7 +65,7 @@ class FalseColours:
 
     def save(self, path: Pathlike, frame: Frame, renderer: Renderer, camera: Camera) -> None:
         """Write a new frame of `renderer` from `camera` as a PNG; raise IrrsplatError for a failed write."""
-        from irrsplat.image.output import false_colours
+        from irrsplat.image import false_colours
 
         light, depth = self.settle(frame, renderer, camera)
         picture = false_colours.coloured(light, depth, self.scale)

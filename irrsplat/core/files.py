@@ -135,6 +135,16 @@ def eight_bits(display: np.ndarray) -> np.ndarray:
     return found
 
 
+def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header: Mapping[str, object] | None = None) -> None:
+    """Write float32 layers with `rows` rows, and these attributes, as an EXR; raises OSError if the file is truncated."""
+    import OpenEXR
+
+    fixed = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File({**fixed, **(header or {})}, dict(layers)) as file:
+        file.write(str(path))
+    check_exr(path, rows)
+
+
 def check_exr(path: Path, rows: int) -> None:
     """Raise OSError if a ZIP-compressed EXR of `rows` is truncated: OpenEXR reports no error on a full disk."""
     with open(path, "rb") as file:

@@ -23,10 +23,10 @@ from irrsplat.core.files import (
     dithered,
     json_text,
     write_file,
+    write_layers,
 )
 from irrsplat.core.paths import named
 from irrsplat.image.backdrop import BackdropKind, display_picture
-from irrsplat.image.output.exr import write_layers
 from irrsplat.image.statistics import TIMES, Statistics
 from irrsplat.image.tonemap import exposure_of, show, tonemap
 

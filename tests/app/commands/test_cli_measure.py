@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from irrsplat.app import cli
-from irrsplat.image.output.false_colours import GROUND, coloured, with_legend
+from irrsplat.image.false_colours import GROUND, coloured, with_legend
 from irrsplat.meter.light_scale import LightScale, false_colours
 
 # a point light of 1790 cd, 2 m above the middle of a black floor of 4 × 4 m with a black block

@@ -1,1 +1,0 @@
-"""Output of frames: OpenEXR layers, and false colours with a legend."""
