@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 import irrsplat
-from irrsplat.app.bench import compare, machine
-from irrsplat.app.bench.cases import LEGEND, TURN, Run, measure
+from irrsplat.app.bench import compare
+from irrsplat.app.bench.cases import LEGEND, TURN, Run, machine, measure
 from irrsplat.app.common.terminal import columns, out, say
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import json_text, write_text
@@ -75,7 +75,7 @@ def _timed(loaded: Sequence[Scene], args: Namespace, bounces: int | All) -> tupl
             for preset in dict.fromkeys(args.preset or (("paper", "default") if scene.name == PAPER else ("default",))):
                 with irrsplat.Renderer(scene, (width, height), preset, bounces=bounces, tile_size=0) as renderer:
                     if not about:
-                        about = machine.about(renderer.about)
+                        about = machine(renderer.about)
                         out(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")
                         out(LEGEND)
                     found += measure(renderer)

@@ -1,14 +1,17 @@
-"""Benchmark cases of one scene, preset and size: time from a defined cache state to the last pixel."""
+"""Benchmark cases of one scene, preset and size: time from a defined cache state to the last pixel; and the machine."""
 
 from __future__ import annotations
 
+import os
+import platform
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from irrsplat import __version__
 from irrsplat.app.bench import gather_truth
 from irrsplat.app.common.terminal import doing
 from irrsplat.core.vectors import vector
@@ -198,3 +201,15 @@ def _run(renderer: Renderer, case: str, timings: list[Timing], camera: Camera) -
         seconds_all=sorted(t.seconds for t in timings),
         picture_seconds=timing.picture,
     )
+
+
+def machine(gl: Mapping[str, object]) -> dict[str, object]:
+    """Return the machine for the benchmark's JSON; gl: result of `gpu.context.describe`."""
+    return {
+        **{key: gl[key] for key in ("renderer", "vendor", "version", "software")},
+        "platform": platform.platform(),
+        "processor": platform.processor() or platform.machine(),
+        "cpus": os.cpu_count(),
+        "python": platform.python_version(),
+        "irrsplat": __version__,
+    }

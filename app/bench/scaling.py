@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from irrsplat.app.bench import machine
-from irrsplat.app.bench.cases import TURN, turned
+from irrsplat.app.bench.cases import TURN, machine, turned
 from irrsplat.app.common.terminal import columns, doing, out
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
@@ -134,5 +133,5 @@ def measured(triangles: int, side: int, report: object = None) -> Row:
                 if case == "empty":
                     stages = renderer.timers.milliseconds()
             seconds[case] = min(times)
-        clock, about = renderer.timers.clock, machine.about(renderer.about)
+        clock, about = renderer.timers.clock, machine(renderer.about)
         return Row(scene.triangles, (side, side), seconds, count, stages, clock, about)

@@ -1,4 +1,4 @@
-"""Parsing of `sky` lines: a colour, a map with a gain and a turn, or a CIE sky with its sun."""
+"""Parsing of `sky` lines: a colour, a map with a gain and a turn, or a CIE sky with its sun, by position or place and time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from irrsplat.sky.cie import CIE_KINDS, CieSky
 from irrsplat.sky.environment import Environment
 from irrsplat.sky.map_file import read_map
 from irrsplat.sky.split import split
-from irrsplat.sky.sun_position import sun_position
 
 PLAIN = "R G B"
 MAP = "FILE.hdr|FILE.exr [gain X] [rotate DEG]"
@@ -189,3 +188,16 @@ def _sun(given: dict[str, list[str]], error: Callable[[str], InputError], usage:
         return sun_position(latitude, longitude, when)
     except OverflowError:  # UTC's year is 0, or 10000
         raise error(f"{quote(time)} lies beyond the years 1 to 9999") from None
+
+
+def sun_position(latitude: float, longitude: float, when: datetime) -> tuple[float, float]:
+    """Return (altitude, azimuth) of the sun's centre in degrees, the azimuth clockwise from north; without refraction.
+
+    latitude, longitude: degrees, north and east positive. when: with its offset from UTC. Accurate to a few hundredths of a
+    degree from 1900 to 2100 (NOAA's formulas, after Meeus).
+    """
+    from astral import Observer  # few scenes need it
+    from astral.sun import azimuth, elevation
+
+    place = Observer(latitude, longitude)
+    return float(elevation(place, when, with_refraction=False)), float(azimuth(place, when))

@@ -10,8 +10,8 @@ import pytest
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
 from irrsplat.sky.cie import SUN_DIAMETER, CieKind, CieSky
 from irrsplat.sky.colours import clear_sky, sunlight
+from irrsplat.sky.sky_text import sun_position
 from irrsplat.sky.sphere import solid_angles, texel_directions
-from irrsplat.sky.sun_position import sun_position
 from tests.support.skies import irradiance
 
 UP = np.array([0.0, 1.0, 0.0])

@@ -11,8 +11,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from irrsplat.app.bench import machine
-from irrsplat.app.bench.cases import TURN, turned
+from irrsplat.app.bench.cases import TURN, machine, turned
 from irrsplat.app.bench.peers.judging import CPUS, Series, judged_view
 from irrsplat.app.bench.peers.table import PEERS, Notify, others
 from irrsplat.app.common import plot as plots
@@ -64,7 +63,7 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[st
             say(f"notice: {notice}")
         for width, height in args.size or [SIZE]:
             with irrsplat.Renderer(scene, size=(width, height), bounces=bounces, shadow_size=2048) as renderer:
-                about = machine.about(renderer.about)
+                about = machine(renderer.about)
                 doing(f"{scene.name}: the truth")
                 camera = scene.camera()
                 views = [judged_view(renderer, one) for one in (camera, turned(camera, TURN))]
