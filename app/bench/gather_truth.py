@@ -48,7 +48,7 @@ def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gathe
             at = tuple(pixels.T)
             normal = seen.normal if seen.lit_normal is None else seen.lit_normal
             points = seen.position[at], normal[at], seen.geometric[at]
-            irradiance: np.ndarray = worker.call("trace_view", "at_points", (scene, points, SIDE, vertices(bounces)))
+            irradiance: np.ndarray = worker.call("at_points", (scene, points, SIDE, vertices(bounces)))
             return fine_gather.Truth(pixels, irradiance)
 
     name = f"{'gather' if bounces == 1 else 'points'}-{key}.npz"

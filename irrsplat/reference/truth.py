@@ -184,7 +184,7 @@ def traced(
         raise InputError("the scene has no surfaces, so there is nothing to trace")
 
     def trace() -> Traced:
-        return Traced(**worker.call("trace_view", "trace", (scene, camera, size, side, vertices(bounces)), progress))
+        return Traced(**worker.call("trace", (scene, camera, size, side, vertices(bounces)), progress))
 
     name = f"truth-{key_of(scene, camera, size, side, bounces)}.npz"
     return disk_cache.kept(name, lambda path: _read(path, size), trace, notice or (lambda line: None))

@@ -22,5 +22,5 @@ def measure(
 ) -> Iterator[Series]:
     """Yield the path tracer's measurements with growing sample counts, and the same with each filter of Open Image Denoise."""
     notify(_NAME)
-    found: TimedLevels = worker.call("trace_view", "timed", (scene, vertices(bounces), views[0]))
+    found: TimedLevels = worker.call("timed", (scene, vertices(bounces), views[0]))
     yield from judging.by_samples(_NAME, found, _COLOURS)

@@ -92,7 +92,7 @@ class _Tracing:
             raise InputError("the scene has no surfaces, so there is nothing to trace")
         self.subject, self.latest = subject, cast(Estimate | None, None)
         self._left, view = iter(SIDES), (subject.scene, subject.camera, subject.size)
-        self.calling = worker.refining(*view, SIDES, vertices(subject.bounces), self._take)
+        self.calling = worker.background("refine", (*view, SIDES, vertices(subject.bounces)), self._take)
 
     def _take(self, found: dict[str, np.ndarray]) -> None:
         samples, before = 2 * next(self._left) ** 2, self.latest
