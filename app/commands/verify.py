@@ -7,7 +7,6 @@ from typing import Any
 
 from irrsplat.app.commands.shared import flags, rendering, values
 from irrsplat.app.common.terminal import wrote
-from irrsplat.settings import preset
 
 
 def add(commands: Any) -> None:
@@ -38,7 +37,6 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     from irrsplat.app.work import verify as verification
 
-    preset(args.preset, **args.values)
     verification.check(args)
 
     import irrsplat

@@ -9,7 +9,6 @@ import numpy as np
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Scene
 
-_CHUNK_TRIANGLES = 1 << 18  # triangles whose areas are computed together; bounds the temporary memory
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
 _RINGS, _SECTORS = 16, 32  # of the sphere, of equal solid angle
 _GAP_SPACINGS = 6.4  # spacings of the points: nearer surfaces have gaps between their points
@@ -83,8 +82,7 @@ def surface_points(scene: Scene) -> SurfacePoints:
     if not meshes:
         return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)))
     corners = np.concatenate([mesh.positions[mesh.faces] for mesh in meshes])
-    areas = [triangle_areas(corners[i : i + _CHUNK_TRIANGLES]) for i in range(0, len(corners), _CHUNK_TRIANGLES)]
-    total = np.cumsum(np.concatenate(areas), dtype=float)
+    total = np.cumsum(triangle_areas(corners))
     chance = np.random.default_rng(0)
     chosen = np.searchsorted(total, (np.arange(_POINTS) + chance.random(_POINTS)) / _POINTS * total[-1], "right")
     corners = corners[np.minimum(chosen, len(total) - 1)].astype(float)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.words import quote
-from irrsplat.scene.io.obj.text import COORDINATE, FACE, NORMAL, VERTEX, Block, Lines, block, integers
+from irrsplat.scene.io.obj.text import COORDINATE, FACE, NORMAL, VERTEX, Block, Lines, block, numbers
 
 _CORNER = re.compile(r"[+-]?[0-9]{1,18}(?:/[+-]?[0-9]{1,18}|//[+-]?[0-9]{1,18}|(?:/[+-]?[0-9]{1,18}){2})?")
 _USAGE = "expected at least three of a, a/t, a//n or a/t/n, all of one kind"
@@ -114,7 +114,7 @@ def _table(text: Block) -> tuple[np.ndarray, np.ndarray]:
     word = np.repeat(np.arange(count), np.diff(np.searchsorted(token, text.word), append=len(token)))
     slot = before[token] - first[word]
     slashes = np.diff(first, append=int(np.count_nonzero(slash)))
-    values = integers(text.code.tobytes().translate(_SLASH_TO_BLANK), len(token))
+    values = numbers(text.code.tobytes().translate(_SLASH_TO_BLANK), np.int64, len(token))
     assert values is not None  # `_odd_lines` has excluded other words
     table, there = np.zeros((count, 3), np.int64), np.zeros((count, 3), bool)
     fits = slot < 3

@@ -117,19 +117,15 @@ def floats(text: bytes, count: int) -> np.ndarray:
 
     Control characters and blanks separate words.
     """
-    values = _read(text, np.float64, count)
+    values = numbers(text, np.float64, count)
     if values is not None:
         return values
     words = text.translate(_BLANKS).split()
     return np.fromiter(map(_float, words), float, len(words))
 
 
-def integers(text: bytes, count: int) -> np.ndarray | None:
-    """Return (count,) int64: the numbers in `text`, separated by blanks; None for another count or other words."""
-    return _read(text, np.int64, count)
-
-
-def _read(text: bytes, kind: type[np.float64] | type[np.int64], count: int) -> np.ndarray | None:
+def numbers(text: bytes, kind: type[np.float64] | type[np.int64], count: int) -> np.ndarray | None:
+    """Return (count,) the numbers in `text`, separated by blanks; None for another count or other words."""
     if text.isspace():  # numpy parses blanks as a number
         return None if count else np.zeros(0, kind)
     with warnings.catch_warnings():
