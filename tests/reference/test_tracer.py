@@ -15,7 +15,7 @@ from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.reference.truth import MOST_BOUNCES, traced
 from irrsplat.scene.model import Camera, Light, Scene
-from tests.app.verify.test_verify import rows
+from tests.app.work.test_verify import rows
 from tests.support.luminaires import bilinear, lambert, lopsided, photometry, steps
 from tests.support.truth import load_reference
 from tests.support.worlds import box, material, point_light, quad
