@@ -1,6 +1,6 @@
 """The layout of a vertex: the table of its columns.
 
-`COLUMNS` defines the rows of scene.flatten, the attributes of the vertex buffer, the vertex table for lookup by number, and their
+`COLUMNS` defines the rows of `flatten`, the attributes of the vertex buffer, the vertex table for lookup by number, and their
 GLSL (`INCLUDES`). A vertex has the material values of its mesh that vary; the table of materials has the others.
 """
 

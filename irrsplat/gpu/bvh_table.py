@@ -19,7 +19,7 @@ from irrsplat.scene.spatial.bvh import Bvh
 class TriangleTable(Owner):
     """The triangles that light meets, by their numbers in the scene, with their vertices (shaders/lib/rays/triangles.glsl).
 
-    vertices: (V, WIDTH) float32, columns of core/vertex_layout.py. faces: (F, 3) int, from scene.flatten. counts: number of faces
+    vertices: (V, WIDTH) float32, columns of core/vertex_layout.py. faces: (F, 3) int, from `flatten`. counts: number of faces
     of each sort (default: all open). Raises InputError for more than the GPU's textures hold.
     """
 

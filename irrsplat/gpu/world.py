@@ -20,10 +20,9 @@ from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Workshop
-from irrsplat.scene.appearance import numbered_alike, runs
+from irrsplat.scene.appearance import flatten, numbered_alike, runs
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.emitters import unlit_interiors
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import Holes, face_counts

@@ -1,9 +1,12 @@
-"""Draw states of materials: materials of one state are drawn together, and triangles are numbered accordingly."""
+"""Draw states of materials, the order of triangles by them, and the tables of all vertices and triangles in the GPU's layout."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from irrsplat.core.vertex_layout import WIDTH, vertex_column
 from irrsplat.scene.model import AlphaMode, Material, Mesh, Scene, Texture
 from irrsplat.scene.seen_by_light import sort_of
 
@@ -88,3 +91,26 @@ def runs(scene: Scene) -> tuple[Run, ...]:
         elif count:
             found.append(Run(appearance, found[-1].first + found[-1].count if found else 0, count))
     return tuple(found)
+
+
+def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (V, WIDTH) float32, rows as in core/vertex_layout.py, and faces (F, 3) int32.
+
+    Faces are in the order of `in_order`, as in FaceCounts.
+    """
+    meshes, numbers = in_order(scene), scene.materials
+    vertices = np.empty((sum(len(mesh.positions) for mesh in meshes), WIDTH), "f4")
+    faces = np.empty((sum(len(mesh.faces) for mesh in meshes), 3), "i4")
+    row = face = 0
+    for mesh in meshes:
+        rows = vertices[row : row + len(mesh.positions)]
+        vertex_column(rows, "position")[:] = mesh.positions
+        vertex_column(rows, "normal")[:] = mesh.normals
+        vertex_column(rows, "material")[:] = numbers[mesh.material]
+        colors = mesh.material.albedo if mesh.colors is None else -1.0 - mesh.colors if mesh.material.unlit else mesh.colors
+        vertex_column(rows, "albedo")[:] = colors
+        vertex_column(rows, "opacity")[:, 0] = mesh.material.opacity if mesh.opacities is None else mesh.opacities
+        vertex_column(rows, "uv")[:] = 0.0 if mesh.uvs is None else mesh.uvs
+        np.add(mesh.faces, row, out=faces[face : face + len(mesh.faces)], casting="same_kind")
+        row, face = row + len(rows), face + len(mesh.faces)
+    return vertices, faces

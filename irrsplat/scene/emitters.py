@@ -29,7 +29,7 @@ _POINTS = 4  # a textured triangle's mean emission is taken over _POINTS² point
 class Emitters:
     """N emissive triangles.
 
-    triangle: (N,) numbers in the order of scene.flatten. luminance: (N,) mean over each triangle, W/(m² sr). in_place: (N,) their
+    triangle: (N,) numbers in the order of `flatten`. luminance: (N,) mean over each triangle, W/(m² sr). in_place: (N,) their
     sums over triangles in the same place, such as both faces of a CAD model's panel, see sums_in_place. area: (N,) m². one_sided:
     (N,) bool, True for triangles of closed meshes, whose back is invisible. cluster: (N,) number of each one's cluster. centre,
     radius: (C, 3) and (C,) metres, bounding balls of the clusters.

@@ -17,9 +17,8 @@ from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.core.vectors import sphere, squares_from_boxes, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gather.record_frame import offset_of
-from irrsplat.scene.appearance import in_order
+from irrsplat.scene.appearance import flatten, in_order
 from irrsplat.scene.emitters import unlit_interiors
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import CLOSED, face_counts, sort_of
 from irrsplat.settings import Settings

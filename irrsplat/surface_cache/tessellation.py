@@ -67,7 +67,7 @@ def tessellate(
 ) -> Tessellation:
     """Return the tessellation with steps of at most `spacing` metres, one number or (F,), or longer beyond _MAX_CELLS cells.
 
-    vertices: (V, WIDTH), rows of core/vertex_layout.py; faces: (F, 3), see scene.flatten.flatten. lights: (K, 4) places and sizes
+    vertices: (V, WIDTH), rows of core/vertex_layout.py; faces: (F, 3), see `flatten`. lights: (K, 4) places and sizes
     in metres of lights. A step near one is at most as long as the distance and the size together. lit: (F,) False for triangles
     whose steps do not depend on lights.
     """

@@ -12,7 +12,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.gather.plane import FIELD
 from irrsplat.gather.stratified import ray_directions
-from irrsplat.scene.flatten import flatten
+from irrsplat.scene.appearance import flatten
 from irrsplat.scene.model import Light, Scene
 from tests.gather.test_hemisphere import share_of_plane
 from tests.support.luminaires import lopsided, photometry, steps

@@ -15,7 +15,7 @@ from irrsplat.gather import kinds
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.flatten import flatten
+from irrsplat.scene.appearance import flatten
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import point_light

@@ -11,8 +11,8 @@ from irrsplat.core.vertex_layout import PARTS, WIDTH
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
+from irrsplat.scene.appearance import flatten
 from irrsplat.scene.emitters import unlit_interiors
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.surface_cache import clustering, tessellation
 from irrsplat.surface_cache.cache import SurfaceCache
