@@ -8,11 +8,10 @@ from argparse import Namespace
 
 import numpy as np
 
-from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
 from irrsplat.app.common.terminal import OnShare, out, progress, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
-from irrsplat.image.tonemap import tonemap
+from irrsplat.image.tonemap import BRIGHT, DARK, FULL, GREY, error_colours, tonemap
 from irrsplat.reference.truth import NOTHING, Traced, compare, in_words, side_of, traced
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset

@@ -9,6 +9,8 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS, FILMIC
 from irrsplat.core.color import DARKEST, LUMINANCE, MID_GREY, srgb
 
+FULL = 0.2  # share of the mean irradiance at the full colour of an error
+BRIGHT, DARK, GREY = (178, 24, 43), (33, 102, 172), (120, 120, 120)  # of errors: too bright, too dark, no surface
 _DARK = 1e-3  # of the light without shadows: more than leaks past the rims of walls in shadow maps
 # Viridis (van der Walt & Smith 2015) as the polynomial of degree six fitted by Matt Zucker ("matplotlib colormaps", CC0, 2019).
 _VIRIDIS = np.array(
@@ -77,6 +79,14 @@ def viridis(t: np.ndarray) -> np.ndarray:
     for coefficient in _VIRIDIS[::-1]:  # Horner
         colour = colour * t + coefficient
     return np.clip(colour, 0.0, 1.0)
+
+
+def error_colours(share: np.ndarray) -> np.ndarray:
+    """Return display colours (..., 3) in 0..1 of errors (...) as shares of FULL: white at 0, BRIGHT from 1, DARK to -1."""
+    share = np.asarray(share)[..., None]
+    end = np.where(share > 0.0, np.array(BRIGHT) / 255.0, np.array(DARK) / 255.0)
+    found: np.ndarray = 1.0 + np.clip(np.abs(share), 0.0, 1.0) * (end - 1.0)
+    return found
 
 
 def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:

@@ -10,10 +10,10 @@ from typing import cast
 import moderngl
 import numpy as np
 
-from irrsplat.app.common.error_colours import FULL
 from irrsplat.core.errors import InputError
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
+from irrsplat.image.tonemap import FULL
 from irrsplat.reference import worker
 from irrsplat.reference.truth import in_words, noise, vertices
 from irrsplat.scene.model import Camera, Scene

@@ -11,11 +11,11 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
 from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Legend, Shown, ShownBuffer, ViewSource, colour_map, first
 from irrsplat.core.buffers import CHANNELS, Atlas, Uniforms
 from irrsplat.core.words import amount
 from irrsplat.gpu.target import texel
+from irrsplat.image.tonemap import BRIGHT, DARK, FULL, GREY, error_colours
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.renderer import Renderer

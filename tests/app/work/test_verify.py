@@ -16,8 +16,8 @@ from PIL import Image as Picture
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.common.error_colours import BRIGHT
 from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.image.tonemap import BRIGHT
 from irrsplat.reference import disk_cache, worker
 from irrsplat.reference.truth import MOST_BOUNCES, Traced, compare, key_of, side_of, traced
 from irrsplat.scene.model import Camera, Image, Light, Scene, Texture
