@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import TypedDict
-
-from irrsplat.scene.model import Scene
-from irrsplat.settings import Settings
 
 TIMES = ("seconds", "stages_ms", "clock")  # statistics that differ between equal runs
 
@@ -43,22 +39,6 @@ class Statistics(TypedDict, total=False):
     triangles: int
     scene: str
     frame: int  # number within a path's frames
-
-
-def describe(
-    about: Mapping[str, object], scene: Scene, size: tuple[int, int], preset: str, settings: Settings, exposure: float
-) -> Statistics:
-    """Return the circumstances: OpenGL (`about`, from gpu.context.describe), scene and settings; exposure in stops."""
-    return {
-        "renderer": str(about["renderer"]),
-        "version": str(about["version"]),
-        "preset": preset,
-        "settings": asdict(settings),
-        "exposure": exposure,
-        "size": list(size),
-        "triangles": scene.triangles,
-        "scene": scene.name,
-    }
 
 
 def bounces_notice(stats: Mapping[str, object]) -> str | None:

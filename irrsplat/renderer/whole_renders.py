@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import cast
 
@@ -17,7 +17,7 @@ from irrsplat.gpu import context
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame, check_names
-from irrsplat.image.statistics import Statistics, describe
+from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress, View, frame_of, read, sample_progress, uncovered
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import Round
@@ -182,7 +182,9 @@ class WholeRenders:
         frames, state = self.frames, self.frames.state
         made: Statistics = {"samples": samples, "stages_ms": frames.timers.milliseconds(), "clock": frames.timers.clock}
         made |= cast(Statistics, frames.scheduler.gatherer.bounces(state.settings))
-        return made | describe(self.about, state.scene, state.size, state.preset, state.settings, stops)
+        made |= {"renderer": self.about["renderer"], "version": self.about["version"], "preset": state.preset}
+        made |= {"settings": asdict(state.settings), "exposure": stops, "size": list(state.size)}
+        return made | {"triangles": state.scene.triangles, "scene": state.scene.name}
 
     def _check_errors(self) -> None:
         """Raise GLError after an error of OpenGL, unless other code uses the context."""
