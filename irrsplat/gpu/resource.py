@@ -60,14 +60,6 @@ class Owner:
         """Free all owned resources; a second call does nothing."""
         _free(self.owned())
 
-    def resources(self) -> Iterator[Resource]:
-        """Yield all owned resources, including those of owned owners, without the owners themselves."""
-        for thing in self.owned():
-            if isinstance(thing, Owner):
-                yield from thing.resources()
-            elif thing is not None:
-                yield thing
-
 
 class Tenant(Owner):
     """An owner with an OpenGL context: its own, freed with it, or a caller's, which the caller makes current.

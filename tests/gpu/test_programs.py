@@ -20,7 +20,7 @@ from irrsplat.gather.spot_check import SpotPass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
 from irrsplat.image.composite import CompositePass
@@ -92,11 +92,20 @@ def textured(ctx: moderngl.Context) -> GBufferPass:
     return drawn
 
 
+def resources(owner: Owner) -> Iterator[Resource]:
+    """All resources of an owner, including those of owned owners, without the owners themselves."""
+    for thing in owner.owned():
+        if isinstance(thing, Owner):
+            yield from resources(thing)
+        elif thing is not None:
+            yield thing
+
+
 def linked(ctx: moderngl.Context, passes: Iterator[Owner]) -> set[str]:
     """The names of all their programs, each linked and freed again."""
     names = set()
     for one in passes:
-        names |= {each.name for each in one.resources() if isinstance(each, Program) and each.gl}
+        names |= {each.name for each in resources(one) if isinstance(each, Program) and each.gl}
         one.release()
     ctx.detect_framebuffer(0).use()
     return names

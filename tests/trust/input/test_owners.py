@@ -15,6 +15,7 @@ from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 from irrsplat.gpu.target import pixels
 from irrsplat.scene.model import Camera, Light, Scene
+from tests.gpu.test_programs import resources
 
 LIGHT = Light((0, 0, 2), (1, 1, 1))
 EMPTY = Scene((), (LIGHT,), (Camera((0, 0, 3), (0, 0, 0)),), sky=(1, 1, 1))
@@ -68,7 +69,7 @@ def test_an_unreferenced_renderer_is_freed_by_the_next_call_in_a_host():
     host.extra = None  # `create` stores data of its own contexts here
     with host:
         one, two = (irrsplat.Renderer(EMPTY, (8, 8), bounces=1, ctx=host) for _ in range(2))
-        textures = [thing for thing in one.resources() if isinstance(thing, moderngl.Texture)]
+        textures = [thing for thing in resources(one) if isinstance(thing, moderngl.Texture)]
         del one
         assert textures and not any(isinstance(texture.mglo, moderngl.InvalidObject) for texture in textures)
         two.frame()
