@@ -1,9 +1,9 @@
 """Vector arithmetic: reproducible products, normalisation without overflow, triangle normals and areas, octahedral coordinates
-(Cigolle et al. 2014), origins near distant geometry, and even directions."""
+(Cigolle et al. 2014), origins near distant geometry, even directions, and pairs in blocks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -154,3 +154,14 @@ def along_a_way(points: np.ndarray) -> np.ndarray:
     low = points.min(0, initial=np.inf)
     extent = max(float((points.max(0, initial=-np.inf) - low).max()), 1e-30)
     return morton_codes(((points - low) * (1023.0 / extent)).T)
+
+
+def pairs(first: np.ndarray, count: np.ndarray, most: int) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Yield blocks of rows with about `most` pairs, and the pairs: row `i` and each of the count[i] numbers from first[i] on."""
+    ends, start = np.cumsum(count), 0
+    while start < len(count):
+        done = int(ends[start - 1]) if start else 0
+        rows = slice(start, max(start + 1, int(np.searchsorted(ends, done + most, "right"))))
+        row = np.repeat(np.arange(rows.start, rows.stop), count[rows])
+        yield rows, row, np.arange(len(row)) + np.repeat(first[rows] - (ends[rows] - count[rows] - done), count[rows])
+        start = rows.stop

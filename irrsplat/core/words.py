@@ -25,11 +25,9 @@ def amount(value: float) -> str:
 def number(word: str) -> float:
     """Return the finite number spelled by `word`; raises ValueError with the reason for other words."""
     try:
-        value = float(word)
+        value = float(word.replace("_", "?"))  # Python alone allows 1_000
     except ValueError:
-        value = None
-    if value is None or "_" in word:
-        raise ValueError(f"{quote(word)} is not a number")
+        raise ValueError(f"{quote(word)} is not a number") from None
     if not math.isfinite(value):
         raise ValueError(f"{quote(word)} is not a finite number")
     if abs(value) > GREATEST:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.core.vectors import as_float32, unit
+from irrsplat.core.vectors import as_float32, pairs, unit
 from irrsplat.scene.io.mesh_builder import distinct_rows, welded
 
 _CHUNK_PAIRS = 1 << 21  # pairs of corners that are compared together; bounds the temporary memory
@@ -67,18 +67,9 @@ def _normal_sums(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, leas
     sums = np.empty_like(weighted)
     x, y, z = (np.ascontiguousarray(face[:, i]) for i in range(3))
     columns = [np.ascontiguousarray(weighted[:, i]) for i in range(3)]
-    ends = np.cumsum(count)
-    low = 0
-    while low < len(place):
-        done = int(ends[low - 1]) if low else 0
-        high = max(low + 1, int(np.searchsorted(ends, done + _CHUNK_PAIRS, "right")))
-        rows = slice(low, high)
-        starts = ends[rows] - count[rows] - done
-        one = np.repeat(np.arange(low, high), count[rows])
-        other = np.arange(len(one)) + np.repeat(begin[rows] - starts, count[rows])
+    for rows, one, other in pairs(begin, count, _CHUNK_PAIRS):
         close = (x[one] * x[other] + y[one] * y[other] + z[one] * z[other] > least) | (one == other)
-        one, other = one[close] - low, other[close]
+        one, other = one[close] - rows.start, other[close]
         for i, column in enumerate(columns):
-            sums[rows, i] = np.bincount(one, column[other], minlength=high - low)
-        low = high
+            sums[rows, i] = np.bincount(one, column[other], minlength=rows.stop - rows.start)
     return unit(sums)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from irrsplat.core.vectors import sphere
+from irrsplat.core.vectors import pairs, sphere
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.seen_by_light import CLOSED, OPEN, sort_of
@@ -86,9 +86,7 @@ def _exits(points: np.ndarray, direction: np.ndarray, mesh: Mesh) -> np.ndarray:
     first = np.searchsorted(x, along_x.min(0), "right")
     count = np.searchsorted(x, along_x.max(0), "left") - first
     exits = np.zeros(len(points))
-    for part in _parts(count):
-        which = np.repeat(np.arange(part.start, part.stop), count[part])
-        place = np.arange(len(which)) - np.repeat(np.cumsum(count[part]) - count[part], count[part]) + first[which]
+    for _, which, place in pairs(first, count, _AT_ONCE):
         a, b, c = (corners[mesh.faces[which, k]] - np.stack([x[place], y[place], z[place]], 1) for k in range(3))
         shares = np.stack([p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b))])  # twice the areas
         sign = np.where((shares > 0.0).all(0), 1.0, np.where((shares < 0.0).all(0), -1.0, 0.0))  # +1: back-facing
@@ -97,13 +95,3 @@ def _exits(points: np.ndarray, direction: np.ndarray, mesh: Mesh) -> np.ndarray:
     found = np.zeros(len(points))
     found[order] = exits
     return found
-
-
-def _parts(count: np.ndarray) -> Iterator[slice]:
-    """Yield slices of triangles with (T,) points each, of about _AT_ONCE pairs."""
-    ends, start = np.cumsum(count), 0
-    while start < len(count):
-        done = ends[start - 1] if start else 0
-        stop = max(start + 1, int(np.searchsorted(ends, done + _AT_ONCE, "right")))
-        yield slice(start, stop)
-        start = stop
