@@ -6,7 +6,7 @@ import io
 import json
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -143,7 +143,7 @@ class Glb:
         named = {"name": name} if name else {}
         self._node(named | {"mesh": self.add("meshes", named | {"primitives": primitives})})
 
-    def camera(self, camera: Camera) -> None:
+    def _camera(self, camera: Camera) -> None:
         entry = {"type": "perspective", "perspective": {"yfov": math.radians(camera.fov), "znear": 0.01, "zfar": _FAR}}
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = camera.axes.T, camera.eye
@@ -153,7 +153,10 @@ class Glb:
     def _node(self, node: Mapping[str, Any]) -> None:
         self._nodes.append(self.add("nodes", node))
 
-    def encoded(self) -> bytes:
+    def encoded(self, cameras: Iterable[Camera]) -> bytes:
+        """Return the file's bytes, with `cameras` as its last nodes."""
+        for camera in cameras:
+            self._camera(camera)
         self._data += b"\0" * (-len(self._data) % 4)
         text = json.dumps(self.json | {"buffers": [{"byteLength": len(self._data)}]}, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)

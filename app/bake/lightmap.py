@@ -223,9 +223,7 @@ def glb_of(made: Lightmap, form: Form) -> bytes:
                 entry["extras"] = {"lightMap": {**picture, "strength": strength}}
             parts.append((made.charts.faces[i][part == number], glb.add("materials", entry)))
         glb.mesh(source.name, attributes, parts)
-    for camera in scene.cameras:
-        glb.camera(camera)
-    return glb.encoded()
+    return glb.encoded(scene.cameras)
 
 
 def own_material(glb: Glb, mesh: Mesh, two_sided: bool, lying: Texture | None) -> dict[str, Any]:

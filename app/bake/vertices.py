@@ -260,7 +260,5 @@ def glb_of(made: VertexLight) -> bytes:
             attributes["TEXCOORD_0"] = texture_coordinates(uvs[mine], texture)
         faces = number[cut.faces[receivers.mesh_of[cut.of] == i]]
         glb.mesh(scene.meshes[receivers.sources[i]].name, attributes, [(faces, glb.add("materials", entry))])
-    for camera in scene.cameras:
-        glb.camera(camera)
     glb.json["extensionsUsed"].remove("KHR_materials_specular")
-    return glb.encoded()
+    return glb.encoded(scene.cameras)
