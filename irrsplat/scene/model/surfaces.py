@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import box
+from irrsplat.core.vectors import box, triangle_normals
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.model.checks import check_rows, check_type, checked, checked_number, put
 
@@ -186,8 +186,7 @@ class Mesh:
         A convex mesh is closed, and has at most 64 different planes.
         """
         corners = self.positions.astype(float)[self.faces[:: len(self.faces) // _LOOKED_AT + 1]]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals = np.ascontiguousarray(triangle_normals(corners)[0].T)
         different = np.unique(np.round(normals, 3), axis=0, return_index=True)[1]
         if not 0 < len(different) <= _PLANES:
             return "other"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.core.vectors import triangle_areas
+from irrsplat.core.vectors import triangle_normals
 from irrsplat.scene.model import Scene
 
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
@@ -82,16 +82,16 @@ def surface_points(scene: Scene) -> SurfacePoints:
     if not meshes:
         return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)))
     corners = np.concatenate([mesh.positions[mesh.faces] for mesh in meshes])
-    total = np.cumsum(triangle_areas(corners))
+    normals, areas = triangle_normals(corners)
+    total = np.cumsum(areas)
     chance = np.random.default_rng(0)
     chosen = np.searchsorted(total, (np.arange(_POINTS) + chance.random(_POINTS)) / _POINTS * total[-1], "right")
-    corners = corners[np.minimum(chosen, len(total) - 1)].astype(float)
+    chosen = np.minimum(chosen, len(total) - 1)
+    corners = corners[chosen].astype(float)
     u, v = chance.random((2, _POINTS, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
     a, along, across = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = np.cross(along, across)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    return SurfacePoints(a + u * along + v * across, normal, float(np.sqrt(total[-1] / _POINTS)))
+    return SurfacePoints(a + u * along + v * across, normals.T[chosen], float(np.sqrt(total[-1] / _POINTS)))
 
 
 def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Surroundings:
