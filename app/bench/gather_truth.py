@@ -46,8 +46,7 @@ def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gathe
                 return fine_gather.gather(renderer.world, seen, SHADOW_SIZE, COUNT, SECONDS)
             pixels = fine_gather.chosen(seen, scene, COUNT)
             at = tuple(pixels.T)
-            normal = seen.normal if seen.lit_normal is None else seen.lit_normal
-            points = seen.position[at], normal[at], seen.geometric[at]
+            points = seen.position[at], seen.lit_normal[at], seen.geometric[at]
             irradiance: np.ndarray = worker.call("at_points", (scene, points, SIDE, vertices(bounces)))
             return fine_gather.Truth(pixels, irradiance)
 

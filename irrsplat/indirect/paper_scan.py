@@ -32,16 +32,15 @@ _ANGLE = 18.0  # degrees at most between the normals of a smooth pixel and its n
 
 @dataclass(frozen=True)
 class Seen:
-    """The g-buffer on the CPU, top row first: position, normal, geometric (H, W, 3), mask (H, W), True where a surface is,
-    and the number of the triangle (H, W) there, where known. lit_normal: (H, W, 3) the normal bent by the normal map, None where
-    that is the same."""
+    """The g-buffer on the CPU, top row first: position, normal, lit_normal (bent by the normal map) and geometric (H, W, 3),
+    mask (H, W), True where a surface is, and the number of the triangle (H, W) there, where known."""
 
     position: np.ndarray
     normal: np.ndarray
+    lit_normal: np.ndarray
     geometric: np.ndarray
     mask: np.ndarray
     triangle: np.ndarray | None = None
-    lit_normal: np.ndarray | None = None
 
     def sites(self, at: tuple[Any, ...]) -> Sites:
         """Return the pixels at an index of rows and columns as places for records."""
@@ -127,8 +126,9 @@ def read_back(gbuffer: GBuffer) -> Seen:
     position, normal, albedo, emission = (pixels(t) for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission))
     mask = position[..., 3] > 0.0
     triangle = np.where(mask, emission[..., 3], 0.0).astype(np.intp)
-    bent = None if gbuffer.mapped_normal is None else pixels(gbuffer.mapped_normal)[..., :3]
-    return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask, triangle, bent)
+    bent = normal if gbuffer.mapped_normal is None else pixels(gbuffer.mapped_normal)
+    geometric = octahedral_decode(normal[..., 3], albedo[..., 3])
+    return Seen(position[..., :3], normal[..., :3], bent[..., :3], geometric, mask, triangle)
 
 
 def gather_record(gather: Gather, light: HitLight, site: Sites) -> np.ndarray:

@@ -46,8 +46,7 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
     ctx, scene = world.ctx, world.scene
     pixels = chosen(seen, scene, count)
     at = tuple(pixels.T)
-    normal = seen.normal if seen.lit_normal is None else seen.lit_normal
-    sites = replace(seen.sites(at), normal=normal[at])
+    sites = replace(seen.sites(at), normal=seen.lit_normal[at])
     with (
         ShadowPass(ctx) as shadow,
         TraceGather(world, SIDE, capacity=_BATCH, light_samples=_LIGHT_SAMPLES) as gather,

@@ -33,7 +33,7 @@ def view(seed: int = 0) -> tuple[paper_scan.Seen, np.ndarray]:
     normal = (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype("f4")
     position = (np.asarray(CAMERA.eye) + depth[..., None] * d).astype("f4")
     depth[rng.random(depth.shape) < 0.1] = 0.0
-    return paper_scan.Seen(position, normal, normal, depth > 0.0), depth
+    return paper_scan.Seen(position, normal, normal, normal, depth > 0.0), depth
 
 
 @pytest.mark.parametrize(
