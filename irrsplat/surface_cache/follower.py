@@ -11,13 +11,15 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
-from irrsplat.records.motion import moved_sites
+from irrsplat.records.motion import carried, moved_sites
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange, emits
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import Transport
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
+_HIDDEN = 0.5  # of a site's reflected light: a moved emitter that reflects so much of it hides the site from the room
 
 
 class Follower:
@@ -31,6 +33,7 @@ class Follower:
         self._direct: np.ndarray | None = None  # D of the last step; None before `begin`
         self._beyond = E_1  # c once `begin` has taken F·D away
         self._relit = False  # True if lights have changed since
+        self._moved_emitters = np.zeros(sites.records.count, bool)  # True for sites on emissive meshes that have moved
 
     @property
     def _transport(self) -> Transport:
@@ -63,6 +66,10 @@ class Follower:
         """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""
         held = self._sites
         assert held.places is not None
+        meshes, triangle = in_order(change.old), held.records.column("triangle")
+        emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
+        numbers = carried(held.records.positions, triangle, change).numbers
+        self._moved_emitters[numbers] = emissive[triangle[numbers]]
         held.records.move_with_meshes(change)
         held.places = moved_sites(held.places, change)
         self._transport.known[held.records.column("due") > _OTHER_HITS] = False
@@ -86,8 +93,21 @@ class Follower:
         self._direct, self._relit = D, False
         if len(gathered):
             self._beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
-        present: np.ndarray = np.maximum(self._beyond + self._transport(D + E), 0.0)
+        present: np.ndarray = self._beyond + self._transport(D + E)
+        if self._moved_emitters.any():
+            (stale,) = np.nonzero(self._sites.records.column("due"))
+            visible = np.where(self._behind_emitters[:, None], 0.0, D + E)
+            present[stale] = self._beyond[stale] + self._transport(visible, stale)
+        present = np.maximum(present, 0.0)
         return present
+
+    @property
+    def _behind_emitters(self) -> np.ndarray:
+        """(S,) True for sites whose rays mostly meet moved emitters. Only stale rows of F have rays from afar to them."""
+        moved = np.repeat(self._moved_emitters[:, None], 3, axis=1)
+        reflected, whole = (self._transport(sites).sum(1) for sites in (moved, np.ones_like(moved)))
+        hidden: np.ndarray = reflected > _HIDDEN * whole
+        return hidden
 
 
 def overlap(before: np.ndarray, after: np.ndarray, area: np.ndarray) -> float:

@@ -22,7 +22,7 @@ from irrsplat.scene.spatial.bvh import Bvh, build
 from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
-from tests.support.worlds import box, material, point_light, scene, sphere
+from tests.support.worlds import box, material, point_light, quad, scene, sphere
 from tests.surface_cache.test_bounces import ALL, advance, few, gathered, made, values
 from tests.surface_cache.test_surface import clusters
 
@@ -171,6 +171,25 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
         area, found, true = surface.sites.area[:, None], values(renderer), values(other)
         assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.15
         assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
+
+
+def test_the_gap_above_a_moved_panel_lights_nothing_else(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The gap between a ceiling and an emissive panel is bright. While the panel moves, this light reaches no other surface.
+
+    The room after the move is the mirror image of the room before: equal light reaches its lower half.
+    """
+    monkeypatch.setattr("irrsplat.surface_cache.site_rays.FEW_RAYS", 64 * 64)  # a frame gathers a quarter of the sites
+    panel = replace(quad((-0.2, 0.98, -0.4), (0.8, 0, 0), (0, 0, 0.8), material(0.5, 10.0)), name="panel")
+    walls = box((-1, -1, -1), (1, 1, 1), material(0.7), outward=False)
+    with made(ctx, scene(walls, panel, camera=FRONT)) as renderer:
+        surface = renderer.scheduler.gatherer.surface
+        assert surface is not None and surface.sites is not None
+        lower = surface.sites.area[:, None] * (surface.sites.records.positions[:, 1:2] < 0.0)
+        before = (lower * values(renderer)).sum()
+        for step in range(1, STEPS + 1):
+            renderer.move("panel", np.array([[1, 0, 0, -0.4 * step / STEPS], [0, 1, 0, 0], [0, 0, 1, 0]]))
+            surface.advance(renderer.draw_shadows(), Budget(TICK))
+        assert (lower * values(renderer)).sum() == pytest.approx(before, rel=0.09)
 
 
 def test_no_pixel_goes_dark_while_a_lamp_is_carried() -> None:
