@@ -42,6 +42,7 @@ class FilmInBackground:
         self.warned = False
         self._calling: other_process.Calling | None = None
         self._name, self._frames, self._said = "", 0, 0.0
+        self._first = 0.0, 0.0  # the share and the time at the end of the first frame, which takes the longest
         self._folder: tempfile.TemporaryDirectory[str] | None = None  # in which the film is made
 
     @property
@@ -50,8 +51,14 @@ class FilmInBackground:
 
     @property
     def progress(self) -> str:
-        frame = int((self._calling.share if self._calling is not None else 0.0) * self._frames)
-        return f"film: frame {frame} of {self._frames}" if frame < self._frames else "film: encoding"
+        share = self._calling.share if self._calling is not None else 0.0
+        frame = int(share * self._frames)
+        if frame >= self._frames:
+            return "film: encoding"
+        before, begun = self._first
+        seconds = (1.0 - share) * (clock.now() - begun) / (share - before) if share > before > 0.0 else 0.0
+        left = f", about {seconds / 60.0:.0f} min left" if seconds > 60.0 else ""
+        return f"film: frame {frame} of {self._frames}{left}"
 
     def begin(self, name: str, job: FilmJob) -> None:
         """Make the film `name`, completely or not at all. Raises InputError if it cannot be written or encoded."""
@@ -62,6 +69,7 @@ class FilmInBackground:
             raise InputError("films have no alpha; take another backdrop than clear", name)
         self._folder = films.folder_beside(name)
         self._name, self._frames, self._said, self.warned = name, job.path.frames, clock.now() - _EVERY, False
+        self._first = 0.0, 0.0
         self._calling = other_process.Calling(other_process.code(_write), (job, self._made), "the film failed ({why})")
 
     @property
@@ -80,6 +88,8 @@ class FilmInBackground:
         """Say how far the film is, or that it is written. Raises IrrsplatError or OSError if it failed."""
         calling = self._calling
         if calling is not None and calling.is_alive():
+            if not self._first[0] and calling.share * self._frames >= 1.0:
+                self._first = calling.share, clock.now()
             if clock.now() - self._said >= _EVERY:
                 self._said = clock.now()
                 say(self.progress, topic="film")

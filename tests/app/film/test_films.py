@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,12 @@ from irrsplat.app import cli
 from irrsplat.app.film import video
 from irrsplat.app.film.background import FilmInBackground, FilmJob
 from irrsplat.core.timing import other_process
+from irrsplat.core.timing.clock import use_clock
 from irrsplat.scene.camera_path import Path as CameraPath
 from tests.app.film.test_fill import RENDER
 from tests.app.film.test_fill import filled as filled
 from tests.app.film.test_fill import place as place
+from tests.support.counted_clock import RayClock
 
 av = pytest.importorskip("av")
 COLOURS = [(255, 255, 255), (0, 0, 0), (128, 128, 128), (200, 40, 30), (40, 160, 60), (20, 30, 180)]  # of a frame each, sRGB
@@ -74,6 +77,22 @@ def test_a_film_is_the_same_with_and_without_pictures_that_stay(place: Path) -> 
     assert cli.main([*RENDER, "--frames", "0:3", "-o", "s{frame}.png", "-o", "b.mp4"]) == 0
     assert (place / "a.mp4").read_bytes() == (place / "b.mp4").read_bytes()
     assert list(place.glob(".film-*")) == []
+
+
+def test_a_film_estimates_its_time_by_the_frames_after_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first frame gathers most records. After it, 20 frames take a minute, so that 79 take about 4."""
+    calling = SimpleNamespace(share=0.005, release=lambda: None, is_alive=lambda: True)
+    monkeypatch.setattr(other_process, "Calling", lambda *job: calling)
+    film, ticking, scene = FilmInBackground(), RayClock(1.0), irrsplat.load("cornell")
+    with use_clock(ticking):
+        film.begin(str(tmp_path / "film.mp4"), FilmJob(scene, CameraPath((scene.camera(),) * 2, 100), (33, 24), "preview", {}))
+        ticking.advance(1000.0)
+        for share, expected in ((0.005, "0 of 100"), (0.01, "1 of 100"), (0.21, "21 of 100, about 4 min left")):
+            calling.share = share
+            film.update(lambda text, topic: None)
+            assert film.progress == f"film: frame {expected}"
+            ticking.advance(60.0)
+    film.release()
 
 
 @pytest.mark.parametrize(("end", "last"), [("whole", "is written"), ("stopped", ""), ("failed", "the film failed (status 1: no")])
