@@ -12,7 +12,7 @@ import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.records.motion import carried, moved_sites
-from irrsplat.scene.appearance import in_order
+from irrsplat.scene.appearance import emissive
 from irrsplat.scene.change import SceneChange, emits
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
@@ -66,10 +66,9 @@ class Follower:
         """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""
         held = self._sites
         assert held.places is not None
-        meshes, triangle = in_order(change.old), held.records.column("triangle")
-        emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
+        triangle = held.records.column("triangle")
         numbers = carried(held.records.positions, triangle, change).numbers
-        self._moved_emitters[numbers] = emissive[triangle[numbers]]
+        self._moved_emitters[numbers] = emissive(change.old)[triangle[numbers]]
         held.records.move_with_meshes(change)
         held.places = moved_sites(held.places, change)
         self._transport.known[held.records.column("due") > _OTHER_HITS] = False
@@ -95,7 +94,7 @@ class Follower:
             self._beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
         present: np.ndarray = self._beyond + self._transport(D + E)
         if self._moved_emitters.any():
-            (stale,) = np.nonzero(self._sites.records.column("due"))
+            stale = np.flatnonzero(self._sites.records.column("due"))
             visible = np.where(self._behind_emitters[:, None], 0.0, D + E)
             present[stale] = self._beyond[stale] + self._transport(visible, stale)
         present = np.maximum(present, 0.0)
