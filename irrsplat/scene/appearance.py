@@ -75,12 +75,6 @@ def order(scene: Scene) -> list[int]:
     return sorted(range(len(keys)), key=keys.__getitem__)
 
 
-def emissive(scene: Scene) -> np.ndarray:
-    """Return (F,) True for the triangles whose material emits, by their numbers."""
-    meshes = in_order(scene)
-    return np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
-
-
 def numbered_alike(a: Scene, b: Scene) -> bool:
     """True if triangles have the same numbers in two states of a scene."""
     return order(a) == order(b) and all(sort_of(x) == sort_of(y) for x, y in zip(a.meshes, b.meshes, strict=True))

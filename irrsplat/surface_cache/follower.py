@@ -11,8 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
-from irrsplat.records.motion import carried, moved_sites
-from irrsplat.scene.appearance import emissive
+from irrsplat.records.motion import moved_sites, of_moved
 from irrsplat.scene.change import SceneChange, emits
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
@@ -66,9 +65,8 @@ class Follower:
         """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""
         held = self._sites
         assert held.places is not None
-        triangle = held.records.column("triangle")
-        numbers = carried(held.records.positions, triangle, change).numbers
-        self._moved_emitters[numbers] = emissive(change.old)[triangle[numbers]]
+        for mesh, _, own, _ in of_moved(held.records.column("triangle"), change):
+            self._moved_emitters[own] = any(mesh.material.emission)
         held.records.move_with_meshes(change)
         held.places = moved_sites(held.places, change)
         self._transport.known[held.records.column("due") > _OTHER_HITS] = False

@@ -18,7 +18,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.appearance import emissive
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import Clusters
@@ -269,9 +269,11 @@ class SiteLevel(Owner):
         if survey.done < records.count:
             return False
         if steps.drawing is None:
-            R, corners, emits = records.read()["radius"], self.world.geometry.corners, emissive(self.world.scene)
-            drawing = partial(survey.places, R, sites.area, sites.level, corners, emits, self.settings.seed)
-            steps.drawing = in_background(drawing)
+            R, corners, meshes = records.read()["radius"], self.world.geometry.corners, in_order(self.world.scene)
+            emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
+            steps.drawing = in_background(
+                partial(survey.places, R, sites.area, sites.level, corners, emissive, self.settings.seed)
+            )
         sites.places = budget.advance(steps.drawing)
         if sites.places is None:
             return False

@@ -147,7 +147,8 @@ class RecordGatherer(Owner):
         surface = self._made.find("surface", SurfaceCache)
         # work that may fail comes first
         changed = self._changed_lights(new, change)
-        other_bounces = old.settings.most_bounces != settings.most_bounces
+        # another way to gather voids all probes
+        other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way
         if (other_bounces or (change and change.dimming is None)) and shadows is not None:
             if changed is None:  # probe the former light a last time
                 unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
@@ -211,15 +212,15 @@ class RecordGatherer(Owner):
             self._made.get("difference", (), partial(RecordDifference, difference, new, cache))
         if surface is not None:
             surface.change(settings, change, difference)
-        gathered, other_bounces = old.way != new.way, old.uses_surface_cache != new.uses_surface_cache
-        if gathered or other_bounces or old.lights != new.lights or was.placement != settings.placement:
+        gathered, switched = old.way != new.way, old.uses_surface_cache != new.uses_surface_cache
+        if gathered or switched or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # the gather of this atlas is gone
         more = settings.gradients and not was.gradients  # records of gathers without gradients have none
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, from_file=None)
-        elif other_bounces or (change.changes_light and change.dimming is None):
-            new = replace(new, moved=new.moved or other_bounces, from_file=None)
+        elif switched or (change.changes_light and change.dimming is None):
+            new = replace(new, moved=new.moved or switched, from_file=None)
             cache.column("due")[:] += float(changed is None)
             cache.invalidate(np.arange(cache.count))
         self.basis = new
