@@ -46,7 +46,7 @@ def one(name: str, bounces: int | str) -> list[Point]:
             if progress.error == known or progress.error is None:
                 continue
             known, before = progress.error, time.process_time()
-            sums = np.frombuffer(view.sums.read(), "f4").reshape(SIZE, SIZE, 4)[::-1][row, column].astype(float)
+            sums = np.frombuffer(view.splats.sums.read(), "f4").reshape(SIZE, SIZE, 4)[::-1][row, column].astype(float)
             off = sums[:, :3] / np.maximum(sums[:, 3:], 1e-20) - truth
             error = np.sqrt(max(np.mean(off**2) / float(truth.mean()) ** 2 - (agreement / 2.0) ** 2, 0.0))
             points.append((before - start, renderer.cache.count, 100.0 * float(error), 100.0 * known))

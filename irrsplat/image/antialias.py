@@ -63,7 +63,7 @@ class Antialiaser(Owner):
             if view.splats.reach is not None:
                 buffers.mean, buffers.other = buffers.other or buffers.own(MeanPass(self.ctx, size)), buffers.mean
             behind = view.backdrop.uniforms(view.camera, size)
-            means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, behind, mix)
+            means = buffers.mean(1, view.gbuffer, view.direct, view.splats.sums, view.splats.sums, behind, mix)
             image, direct, indirect, emission, alpha = means
             self._source = view
             self._sampled = replace(view, image=image, direct=direct, indirect=indirect, emission=emission, alpha=alpha)

@@ -9,13 +9,11 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Uniforms
-from irrsplat.core.timing.input_waits import stop_for_input
-from irrsplat.gpu.program import Program, SampledTexture
+from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner
-from irrsplat.gpu.target import Target, bands, table_texture
+from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.tonemap import automatic_exposure
-from irrsplat.lighting.sky import sky_defines
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -39,7 +37,6 @@ class CompositePass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
-        self.fills = [self.own(Program(ctx, "image/composite_fill", "lib/fullscreen", {"SKY_MAP": map_})) for map_ in (0, 1)]
         blend = partial(Program, ctx, "image/composite", "lib/fullscreen")
         self.blends = {  # by presence of filters, presence of emission, and Backdrop.sky_terms; 2 or 3 with filters
             (filters, emissive, sky): self.own(
@@ -52,10 +49,6 @@ class CompositePass(Owner):
         self.display = self.own(Program(ctx, "image/composite_display", "lib/fullscreen"))
         self.target = self.own(Target(ctx, size, (4, 1)))
         self.no_filters = self.own(NoFilters(ctx))
-        self.mipmapped = self.own(
-            ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR))
-        )
-        self.fill_target: Target | None = None
         self.meter_block = -(-size[0] // _METER), -(-size[1] // _METER)
         self.meter_target = self.own(Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,)))
 
@@ -82,24 +75,6 @@ class CompositePass(Owner):
         )
         image, alpha = self.target.textures
         return image, alpha
-
-    def filled(self, sums: moderngl.Texture, direct: moderngl.Texture, gbuffer: GBuffer, backdrop: Backdrop) -> moderngl.Texture:
-        """Return the sums (Σ k·E, Σ k) in a texture of this pass, with empty pixels filled from their surroundings.
-
-        Raises InputWaits between two bands.
-        """
-        self.fill_target = self.fill_target or self.own(Target(self.target.ctx, self.size, (4,)))
-        for texture in (sums, direct):
-            texture.build_mipmaps()
-            texture.filter = moderngl.NEAREST, moderngl.NEAREST  # the filters of other readers
-        levels = max(self.size).bit_length()
-        light: Uniforms = {"sums": SampledTexture(sums, self.mipmapped), "direct": SampledTexture(direct, self.mipmapped)}
-        sky = backdrop.sky_uniforms
-        fill = self.fills[sky_defines(sky)["SKY_MAP"]]
-        for band in bands(self.size):
-            fill(self.fill_target, scissor=band, levels=levels, **light, **gbuffer.surface_uniforms, **sky)
-            stop_for_input(self.target.ctx)
-        return self.fill_target.textures[0]
 
     def exposure(self, image: moderngl.Texture, gbuffer: GBuffer, unshadowed: float = 0.0) -> float:
         """Return the stops of image.tonemap.automatic_exposure for the image."""

@@ -13,7 +13,6 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.core.color import LUMINANCE, MID_GREY
 from irrsplat.core.errors import InputError
-from irrsplat.core.glsl import COVERED
 from irrsplat.core.vectors import check_finite
 from irrsplat.gpu.target import pixels
 from irrsplat.image.backdrop import Backdrop
@@ -28,10 +27,10 @@ Reader = WeakMethod[Callable[["View"], Frame]]
 class View:
     """One round's picture as GPU handles, valid until the next round.
 
-    camera: relative to the scene's origin, like the g-buffer's positions. sums: (Σ k·E, Σ k), with quotient E: the splat buffer's
-    own, or temporally filtered. samples: per pixel. With several samples, `image`, `direct`, `indirect`, `emission` (including
-    the sky) and `alpha` are means; with one, indirect and emission are None and follow from other buffers. All others are sampled
-    at pixel centres. accumulating: True while temporal accumulation has not reached the records' E.
+    camera: relative to the scene's origin, like the g-buffer's positions. splats: at every pixel, its holes filled, or temporally
+    filtered. samples: per pixel. With several samples, `image`, `direct`, `indirect`, `emission` (including the sky) and `alpha`
+    are means; with one, indirect and emission are None and follow from other buffers. All others are sampled at pixel
+    centres. accumulating: True while temporal accumulation has not reached the records' E.
     reader: the renderer's method that makes the frame of `read`; a weak reference, so that a view does not keep its renderer.
     """
 
@@ -39,7 +38,6 @@ class View:
     gbuffer: GBuffer
     direct: moderngl.Texture
     splats: SplatBuffer
-    sums: moderngl.Texture
     image: moderngl.Texture
     alpha: moderngl.Texture
     samples: int = 1
@@ -99,7 +97,7 @@ class Progress:
 
 def uncovered(view: View, rows_columns: tuple[slice, slice] = (slice(None), slice(None))) -> int:
     """Return the number of visible pixels (top row first) that no record reaches."""
-    uncovered_here = (pixels(view.splats.sums)[..., 3] <= COVERED) & (pixels(view.splats.weight)[..., 0] <= 0.0)
+    uncovered_here = pixels(view.splats.weight)[..., 0] <= 0.0
     return int(np.count_nonzero((_seen(view)[..., 0] & uncovered_here)[rows_columns]))
 
 
@@ -160,7 +158,7 @@ def _where_seen(view: View, texture: moderngl.Texture, behind: np.ndarray | None
 
 
 def _irradiance(view: View) -> np.ndarray:
-    sums = pixels(view.sums)
+    sums = pixels(view.splats.sums)
     return sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
 
 

@@ -20,6 +20,7 @@ from irrsplat.gpu.world import World
 from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
+from irrsplat.indirect.hole_filling import HoleProbes
 from irrsplat.indirect.paper_scan import Scan, gather_record, read_back
 from irrsplat.indirect.site_selection import chessboard, choose
 from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
@@ -51,6 +52,7 @@ class RecordScheduler(Owner):
         self.gatherer = self.own(RecordGatherer(world, settings, cache, timers))
         self.adaptation = self.own(AdaptiveRadius(world.ctx, cache, timers))
         self.examined, self.refresh_order = self.own(ExaminePass(world.ctx)), self.own(RefreshOrder(world.ctx))
+        self.hole_probes = self.own(HoleProbes(world.ctx))
         self._passes = self.own(Workshop())
         self._checked = PlacesChecked()
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
 from irrsplat.core.timing.input_waits import stop_for_input
-from irrsplat.gpu.program import DrawState, Program, SampledTexture
+from irrsplat.gpu.program import Program, SampledTexture
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target, bands
 from irrsplat.scene.model import Camera
@@ -43,7 +43,6 @@ class TemporalFilter(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
         self.program = self.own(Program(ctx, "indirect/temporal", "lib/fullscreen"))
-        self.fill = self.own(Program(ctx, "indirect/surface_fill", "lib/fullscreen"))
         self.linear = self.own(ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR)))
         self.nothing = self.own(Target(ctx, (3, 3), (4, 1)))  # the last picture before the first picture
         self._targets = self.own(Workshop())  # two of each size
@@ -72,17 +71,16 @@ class TemporalFilter(Owner):
         camera: Camera,
         subject: object,
         scene: tuple[object, ...],
-        surface: Uniforms | None = None,
+        filling: bool = False,
         provisional: bool = False,
     ) -> SplatBuffer:
         """Return the sums of the next picture: `splats` after convergence, else (w·E, w) of w = 1/depth in textures of this pass.
 
-        scene: objects, one of which differs after a change of lights, meshes or the surface cache. surface: the uniforms of the
-        surface cache for triangles numbered as in the scene; None leaves pixels without records empty. With it, these keep the
-        last picture's light, or take the surface cache's value after a change and without a last picture. provisional: True for
-        records that are far better than the last picture. Raises InputWaits between two parts of the picture.
+        scene: objects, one of which differs after a change of lights, meshes or the surface cache. filling: True if pixels
+        without irradiance keep the last picture's. provisional: True for irradiance that is far better than the last picture.
+        Raises InputWaits between two parts of the picture.
         """
-        shown, left, filling = self._shown, self.left(subject), surface is not None
+        shown, left = self._shown, self.left(subject)
         changed = shown is not None and any(a is not b for a, b in zip(shown.scene, scene, strict=True))
         now, share = self._target(splats.sums.size, shown), self._share(subject, changed or provisional)
         stride = splats.pixel_stride
@@ -91,19 +89,14 @@ class TemporalFilter(Owner):
             self.program(
                 now,
                 scissor=band,
-                state=DrawState(depth="1"),  # where nothing is filled, too: each state of a program compiles anew
                 **gbuffer.surface_uniforms,
                 sums=splats.sums,
                 pixel_stride=stride,
                 **before,
-                filling=filling,
-                kept=not changed,
+                kept=filling and not changed,
                 share=share,
             )
             stop_for_input(self.ctx)  # the last picture stays in the other target
-        if surface is not None:
-            seen: Uniforms = {**gbuffer.surface_uniforms, **gbuffer.material_uniforms}
-            self.fill(now, state=DrawState(depth="<", depth_write=False), **seen, pixel_stride=stride, **surface)
         self._shown = _Shown(now, camera, subject, scene, left)
         return replace(splats, sums=now.textures[0]) if left or filling else splats
 
@@ -119,7 +112,7 @@ class TemporalFilter(Owner):
         """Return a target for the next picture's irradiance, without the last picture's."""
 
         def target(number: int) -> Target:
-            return self._targets.get(f"{size} {number}", (), lambda: Target(self.ctx, size, (4, 1), depth=True))
+            return self._targets.get(f"{size} {number}", (), lambda: Target(self.ctx, size, (4, 1)))
 
         return target(1) if shown is not None and shown.target is target(0) else target(0)
 

@@ -10,6 +10,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.gather.spot_check import SpotCheck
 from irrsplat.indirect.paper_scan import Scan
 
+COVERED = 0.9  # of the pixels: with fewer holes, all take the light of records around them
 GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view requests no more records
 
 
@@ -58,8 +59,8 @@ class ViewState:
     splatted, in both directions. rounds: number of complete rounds. stalled_rounds: number of successive rounds without gain in
     coverage. step: of the site selection, coarse to fine. need, before: at the beginning of the present round, and of the last
     complete round. queue: the waiting sites of the present round; None between rounds. check: the unfinished spot check;
-    checked: True after the check. full: True if the view needs more records than the limit. scan: the traversal of the paper's
-    algorithm.
+    checked: True after the check. full: True if the view needs more records than the limit. holes: the cells that still lack a
+    probe, see HoleFilling; None: unknown. scan: the traversal of the paper's algorithm.
     """
 
     subject: tuple[object, ...] = ()
@@ -74,12 +75,18 @@ class ViewState:
     check: SpotCheck | None = None
     checked: bool = False
     full: bool = False
+    holes: Sites | None = None
     scan: Scan | None = None
 
     @property
     def coverage(self) -> float:
         """The covered share of the surface pixels at the beginning of the present round, 0..1."""
         return 1.0 - self.need.missing
+
+    @property
+    def lacks_probes(self) -> bool:
+        """True if holes have no probe and are too large to take the light of records around them."""
+        return self.coverage < COVERED and (self.holes is None or len(self.holes) > 0)
 
     @property
     def stalled(self) -> bool:

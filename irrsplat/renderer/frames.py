@@ -22,6 +22,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
+from irrsplat.indirect.hole_filling import FIRST, HoleFilling
 from irrsplat.indirect.refinement import Refiner
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import first_stride
@@ -35,6 +36,7 @@ from irrsplat.scene.model import Camera
 from irrsplat.scene.model.checks import check_type
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
+_HOLES = 0.2  # of a tick: share for probes of holes, besides records
 _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
 
 
@@ -71,8 +73,7 @@ class Frames(Owner):
         self.state, done = self.round(self.state, camera, budget, gather, picture=shown is None)
         if budget.limited:
             self.ctx.finish()
-        surface = self.scheduler.gatherer.surface_now
-        bounced = None if surface is None else surface.result
+        bounced = self.scheduler.gatherer.surface_result
         if shown is not None and not done.progress.still and shown.bounced is bounced:
             older = replace(shown, age=shown.age + now() - start)
             self.state = replace(self.state, shown=older)
@@ -138,12 +139,20 @@ class Frames(Owner):
         state = replace(state, splat_seconds=now() - start)
 
         of, new, complete = (screen.sums, state.settings.request_criteria), 0, True
+        gatherer = scheduler.gatherer
+        probing = budget.limited and gather and bounces and state.settings.fill_holes and gatherer.may_probe_holes
+        if scheduler.hole_probes.follow(shadows, gatherer.surface_result, gatherer.basis.scene):
+            view = replace(view, holes=None)
         if not bounces:
             view = replace(view, need=Need(missing=0.0))
         elif not ready or view.stalled:
             view, complete = self._examine(view, screen, of, ready, gather)
         elif not view.ended(of):  # 2.3 and 2.1
-            view, new, complete = scheduler.gather_missing(view, screen, shadows, camera, budget.part(1.0, later))
+            part = budget.part(1.0 - _HOLES if probing and view.lacks_probes else 1.0, later)
+            view, new, complete = scheduler.gather_missing(view, screen, shadows, camera, part)
+        if probing and view.lacks_probes:
+            filling = stages.hole_filling(state)
+            view = self._probe_holes(filling, view, screen, shadows, camera, budget.part(1.0, later))
         if new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
@@ -186,6 +195,19 @@ class Frames(Owner):
         gbuffer = stages.draw_gbuffer(state, camera)
         splats = stages.splats(state).update(self.cache, gbuffer, camera, state.settings, stride)
         return self.scheduler.screen(gbuffer, splats, camera)
+
+    def _probe_holes(
+        self, filling: HoleFilling, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget
+    ) -> ViewState:
+        """Gather probes of a view's holes within the budget. The first ones after the first light need no budget."""
+        gatherer, probes, gbuffer, splats = self.scheduler.gatherer, self.scheduler.hole_probes, screen.gbuffer, screen.splats
+        assert gbuffer is not None and splats is not None  # ticks draw whole views alone
+        if (holes := view.holes) is None:
+            with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
+                holes = filling.sites(gbuffer, splats, camera, probes, gatherer.surface_uniforms)
+        if not (probes.cache.count or self.cache.count):
+            holes = holes[gatherer.probe_holes(shadows, probes.cache, holes[:FIRST], Budget(None)) :]
+        return replace(view, holes=holes[gatherer.probe_holes(shadows, probes.cache, holes, budget) :])
 
     def _examine(
         self, view: ViewState, screen: Screen, of: tuple[object, ...], ready: bool, gather: bool

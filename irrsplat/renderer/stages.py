@@ -24,10 +24,12 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Reader, View
+from irrsplat.indirect.hole_filling import HoleFilling
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat import batches
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.temporal_filter import TemporalFilter
+from irrsplat.indirect.view_state import COVERED
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
@@ -78,6 +80,10 @@ class Stages(Owner):
     def composite_pass(self, size: tuple[int, int]) -> CompositePass:
         """Return the pass that composites pictures of this size."""
         return self._passes.get("composite", size, lambda: CompositePass(self.ctx, size))
+
+    def hole_filling(self, state: State) -> HoleFilling:
+        """Return the passes that fill holes."""
+        return self._passes.get("holes", state.size, lambda: HoleFilling(self.ctx, state.size))
 
     @property
     def temporal_filter(self) -> TemporalFilter | None:
@@ -138,10 +144,14 @@ class Stages(Owner):
         settings, gbuffer, splats = state.settings, done.gbuffer, done.splats
         assert gbuffer is not None and splats is not None
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
-        surface = self.scheduler.gatherer.surface_now if filling and not done.frozen else None
+        gatherer = self.scheduler.gatherer
+        held = gatherer.surface_result if filling and not done.frozen else None
         lit_by = done.shadows, None if moving else self._casting(state, hurried)
-        backdrop, held = backdrop_of(state.scene, settings, sky_maps(self.world)), None if surface is None else surface.result
-        subject = gbuffer, lit_by, splats, settings.blend, filling, held, backdrop
+        backdrop = backdrop_of(state.scene, settings, sky_maps(self.world))
+        probed = filling and accumulating and done.progress.coverage < COVERED
+        probes = self.scheduler.hole_probes if probed else None
+        probe_state = probes and (probes.state, probes.cache.count)
+        subject = gbuffer, lit_by, splats, settings.blend, filling, held, probe_state, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
         if not accumulating:
             temporal_filter.forget()
@@ -149,23 +159,25 @@ class Stages(Owner):
 
         def draw() -> View:
             stop_for_input()
-            shown, lookup = splats, None if surface is None else surface.uniforms()
-            if accumulating or lookup is not None:  # holes take the values of the surface cache
-                gatherer = self.scheduler.gatherer
+            shown = splats
+            if filling:
+                fill, lookup = self.hole_filling(state), {} if held is None else gatherer.surface_uniforms
+                with self.timers("composite"):
+                    if lookup and not accumulating:
+                        shown = fill.by_surface(gbuffer, splats, lookup)
+                    else:
+                        shown = fill(gbuffer, splats, done.camera, probes, lookup)
+            if accumulating:
                 light, other = (done.shadows, held, gatherer.basis), gatherer.provisional or gatherer.basis.moved
                 with self.timers("composite"):
-                    shown = temporal_filter(splats, gbuffer, done.camera, subject, light, lookup, other)
+                    shown = temporal_filter(shown, gbuffer, done.camera, subject, light, filling, other)
                 stop_for_input()
             shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
-            sums = shown.sums
             direct = self._memo.get("direct", (gbuffer, lit_by), lambda: self._direct(state, gbuffer, *lit_by))
             composite_pass = self.composite_pass(state.size)
             with self.timers("composite"):
-                if filling and surface is None and (done.frozen or settings.most_bounces == 1):
-                    sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
-                stop_for_input()
-                image, alpha = composite_pass(sums, direct, gbuffer, backdrop, done.camera, settings)
-            buffers = gbuffer, direct, shown, sums, image, alpha
+                image, alpha = composite_pass(shown.sums, direct, gbuffer, backdrop, done.camera, settings)
+            buffers = gbuffer, direct, shown, image, alpha
             return View(done.camera, *buffers, backdrop=backdrop, accumulating=left > 0, reader=self.reader)
 
         return self._memo.get("picture", (subject, left), draw)
@@ -207,7 +219,7 @@ class Stages(Owner):
             if band[1]:
                 yield
             sums = buffers.splat.textures[0]
-            buffers.mean(number + 1, gbuffer, direct, sums, view.sums, behind, settings.mix, band)
+            buffers.mean(number + 1, gbuffer, direct, sums, view.splats.sums, behind, settings.mix, band)
 
     def splatted(self, state: State, camera: Camera, count: int) -> np.ndarray:
         """Return (H, W, 4) the sums of the first `count` records at every pixel of a view."""
@@ -219,7 +231,7 @@ class Stages(Owner):
     def free_buffers(self) -> None:
         """Free the buffers of a view except image and alpha; the next use makes them again."""
         self._memo.forget(but=("shadows",))
-        for name in ("gbuffer", "splats", "direct", "direct irradiance", "temporal"):
+        for name in ("gbuffer", "splats", "direct", "direct irradiance", "temporal", "holes"):
             self._passes.drop(name)
 
     def forget(self, shadows: bool) -> None:

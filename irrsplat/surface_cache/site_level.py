@@ -30,8 +30,6 @@ from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
-_UNLIT, _NARROW = 0.03, 0.5  # of the mean light, and of a site's extent: darker sites with nearer surroundings lie in a gap
-_ALIKE = 0.7  # least cosine between the normals of two sites that face alike
 _STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
 
 
@@ -327,9 +325,7 @@ class SiteLevel(Owner):
 
     def _use(self, sites: SurfaceSites, made: BouncedLight) -> None:
         """Set the values of the lookups to those `made` at these `sites`."""
-        coarse = self.detail.level < 0  # pixels display the values of a coarse level
-        E = _without_dark_gaps(made.irradiance, sites) if coarse else made.irradiance
-        sites.write(E)
+        sites.write(made.irradiance)
         sites.light = made
         before, self.shown, self.complete = self.shown, sites, True
         self._steps.bouncing, self.follower, self._still, self._moved = None, None, np.inf, False
@@ -337,21 +333,3 @@ class SiteLevel(Owner):
             self.follower = Follower(self._rays, sites, self._first(sites.records))
         if before is not None and before is not sites:
             before.release()
-
-
-def _without_dark_gaps(E: np.ndarray, sites: SurfaceSites) -> np.ndarray:
-    """Return E (S, 3), where dark sites within and below objects have the light of the nearest lit site that faces alike.
-
-    The corners of cells at such sites would leave a black patch around each object.
-    """
-    read, area, light = sites.records.read(), sites.area, E.sum(1)
-    lit = light > _UNLIT * np.average(light, weights=np.maximum(area, 1e-30))
-    dark = ~lit & (read["radius"] < _NARROW * np.sqrt(area))
-    to, of = (FIRST_SITE + np.flatnonzero(which[FIRST_SITE:]) for which in (dark, lit))
-    if len(to) and len(of):
-        p, n = read["position"], read["normal"]
-        apart = (p[of] ** 2).sum(1) - 2.0 * np.einsum("ik,jk->ij", p[to], p[of])  # squares of the distances, but for a constant
-        apart[np.einsum("ik,jk->ij", n[to], n[of]) < _ALIKE] = np.inf
-        E = E.copy()
-        E[to] = E[of[apart.argmin(1)]]
-    return E

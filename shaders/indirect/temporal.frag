@@ -1,5 +1,5 @@
-// Temporal accumulation (METHOD.md, 8.4): a blend of the records' irradiance with that of the last picture at the same world
-// position. The depth buffer marks pixels without any irradiance for surface_fill.frag.
+// Temporal accumulation (METHOD.md, 8.4): a blend of the irradiance of records and holes with that of the last picture at the same
+// world position.
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
@@ -12,10 +12,9 @@ uniform vec3 dimming;          // factors by which all light has changed since t
 uniform mat4 clip_from_world;  // camera of the last picture
 uniform vec4 shown_place;      // scale (xy) and offset (zw) from normalised device coordinates to `shown`
 uniform int pixel_stride;      // pixels of the g-buffer per pixel of the sums, in x and y
-uniform bool accumulating;     // true if there is a last picture; false: records alone
-uniform bool filling;          // true if pixels without records take the irradiance of the last picture, or are marked
-uniform bool kept;             // true if pixels without records may keep the irradiance of the last picture
-uniform float share;           // share s of the records' irradiance, 0..1
+uniform bool accumulating;     // true if there is a last picture
+uniform bool kept;             // true if pixels without irradiance may keep that of the last picture
+uniform float share;           // share s of the new irradiance, 0..1
 
 layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth; depth in metres
 layout(location = 1) out float out_facing;  // facing_of the normal
@@ -36,7 +35,6 @@ void main()
     bool reprojected = accumulating && p.w > 0.0 && matches && uv == clamp(uv, 0.0, 1.0);
     vec3 E = s.rgb / max(s.a, 1e-20), E_last = dimming * last.rgb / max(last.a, 1e-20);
     E = s.a > 0.0 ? (reprojected ? mix(E_last, E, share) : E) : E_last;
-    bool has_light = p.w > 0.0 && (s.a > 0.0 || filling && reprojected && kept);
+    bool has_light = p.w > 0.0 && (s.a > 0.0 || reprojected && kept);
     out_sums = has_light ? vec4(E, 1.0) / p.w : vec4(0.0);
-    gl_FragDepth = filling && p.w > 0.0 && !has_light ? 1.0 : 0.0;
 }

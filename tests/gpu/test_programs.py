@@ -26,6 +26,7 @@ from irrsplat.image.antialias import MeanPass
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
+from irrsplat.indirect.hole_filling import HoleFilling
 from irrsplat.indirect.splat import SplatPass
 from irrsplat.indirect.temporal_filter import TemporalFilter
 from irrsplat.indirect.upsample import UpsamplePass
@@ -78,6 +79,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     for sized in (GBufferPass, CompositePass, MeanPass, SplatPass, UpsamplePass, SpotPass):
         yield sized(ctx, SIZE)
     yield TemporalFilter(ctx, SIZE)
+    yield HoleFilling(ctx, SIZE)
 
 
 def textured(ctx: moderngl.Context) -> GBufferPass:

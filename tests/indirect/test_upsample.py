@@ -25,10 +25,10 @@ def test_a_moving_view_is_like_the_one_at_rest_which_is_exact() -> None:
         view, progress = renderer.frame(moved)
         assert renderer.splats.sums and renderer.splats.sums.pixel_stride == 2
         assert progress.new == 0 and not progress.done  # it continues to all pixels
-        coarse = _irradiance(view.sums)
+        coarse = _irradiance(view.splats.sums)
         view, progress = renderer.frame(moved)
         assert renderer.splats.sums and renderer.splats.sums.pixel_stride == 1 and progress.done and progress.new == 0
-        fine = _irradiance(view.sums)
+        fine = _irradiance(view.splats.sums)
         error = np.sqrt(((coarse - fine) ** 2).mean()) / fine.mean()
         assert 0.0 < error < 0.025
         # independent of the way: equal to one splat of all records

@@ -131,7 +131,7 @@ def test_a_turned_room_is_the_same_room(ctx: moderngl.Context) -> None:
         renderer.move(0, turned)
         renderer.frame(Camera(eye, target, up, FRONT.fov), gather=False)
         view, progress = renderer.frame(Camera(eye, target, up, FRONT.fov), gather=False)
-        sums = pixels(view.sums)
+        sums = pixels(view.splats.sums)
         assert progress.coverage == 1.0 and progress.records == before.stats["records"]
     assert_pictures("turned", sums[..., :3] / sums[..., 3:], before.irradiance, 0.01 * before.irradiance.mean())
 

@@ -1,9 +1,6 @@
-"""Surface cache in the viewer: its buffer, its value under the cursor, and the light of a coarse level."""
+"""Surface cache in the viewer: its buffer and its value under the cursor."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
-from typing import cast
 
 import moderngl
 import numpy as np
@@ -15,8 +12,6 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.gpu.target import Target, pixels
 from irrsplat.image.tonemap import tonemap
 from irrsplat.renderer import Renderer
-from irrsplat.surface_cache.site_level import _without_dark_gaps
-from irrsplat.surface_cache.surface_sites import SurfaceSites
 
 SIZE = (97, 61)
 EXPOSURE = -1.0  # stops
@@ -43,15 +38,3 @@ def test_the_buffer_is_the_light_that_a_white_surface_reflects(ctx: moderngl.Con
         assert "W/m²" in BUFFERS["surface"].legend(source).text
     programs.release()
     target.release()
-
-
-def test_a_coarse_level_has_no_black_corners_under_objects() -> None:
-    """A dark site in a gap takes the light of the nearest lit site that faces alike; one in a dark open place stays dark."""
-    place = [[0, 0, 0], [0, 0, 0], [0, 0, 0], [1, 0, 0], [2, 0, 0], [0.5, 0, 0], [0.2, 0, 0]]
-    normal = [[0, 1, 0]] * 6 + [[0, -1, 0]]
-    radius = [0.0, 0.0, 0.1, 2.0, 2.0, 2.0, 2.0]  # the third site lies in a gap, the sixth in the open
-    read = {"position": np.array(place), "normal": np.array(normal), "radius": np.array(radius)}
-    sites = SimpleNamespace(records=SimpleNamespace(read=lambda: read), area=np.ones(7))
-    E = np.array([9.0, 0.0, 0.0, 1.0, 3.0, 0.0, 5.0])[:, None] * np.ones(3)
-    shown = _without_dark_gaps(E, cast(SurfaceSites, sites))[:, 0]
-    assert shown.tolist() == [9.0, 0.0, 1.0, 1.0, 3.0, 0.0, 5.0]

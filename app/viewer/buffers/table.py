@@ -67,7 +67,12 @@ def _emission(source: ViewSource) -> Shown:
 def _indirect(source: ViewSource) -> Shown:
     """Return the shown form of the mean over a pixel's samples; with one sample at its centre, of albedo/π times irradiance."""
     view, averaged = source.view, source.view.indirect is not None
-    uniforms = {"values": view.indirect or view.sums, "averaged": averaged, "albedo": view.gbuffer.albedo, "gain": source.gain}
+    uniforms = {
+        "values": view.indirect or view.splats.sums,
+        "averaged": averaged,
+        "albedo": view.gbuffer.albedo,
+        "gain": source.gain,
+    }
     return uniforms, _exposed(source, CHANNELS["indirect"].unit)
 
 
@@ -109,7 +114,11 @@ def _light(source: ViewSource) -> Shown:
     """Return the shown form of illuminance by the user's scale, independently of the surface's reflectance."""
     scale, (low, high) = source.light_scale, source.light_scale.ends
     ends = {"low": low, "high": high, "steps": float(STEPS) if scale.lines else 0.0, "ground": GROUND, "palette": false_colours()}
-    light = {"values": source.view.sums, "direct": source.renderer.direct_irradiance(source.view), "weights": scale.weights}
+    light = {
+        "values": source.view.splats.sums,
+        "direct": source.renderer.direct_irradiance(source.view),
+        "weights": scale.weights,
+    }
     return {**light, **ends}, _light_legend(source)
 
 
@@ -134,7 +143,7 @@ def _error(source: ViewSource) -> Shown:
     text = f"mean of the channels; in full colour at {100.0 * FULL:g} % of the reference's mean; grey: no surface"
     colours = error_colours(np.linspace(-1.0, 1.0, 64))
     legend = Legend(f"{text}; {reference.about}", f"{-reference.full:.3g}", f"{reference.full:.3g}", "W/m²", colours)
-    return {"values": source.view.sums, "reference": reference.values, **ends}, legend
+    return {"values": source.view.splats.sums, "reference": reference.values, **ends}, legend
 
 
 def _read_error(uniforms: Uniforms, x: int, y: int) -> np.ndarray | None:
@@ -243,7 +252,7 @@ BUFFERS: dict[str, ShownBuffer] = {
         _channel("image", "image", _image, everywhere=True),
         _channel("direct", "radiance", lambda source: _radiance(source, source.view.direct, True)),
         _channel("indirect", "indirect", _indirect, read=_read_indirect),
-        _channel("irradiance", "irradiance", lambda source: _irradiance(source, source.view.sums), read=_mean),
+        _channel("irradiance", "irradiance", lambda source: _irradiance(source, source.view.splats.sums), read=_mean),
         _channel("weight", "weight", _weight, read=first(1)),
         _channel("position", "range", _position, read=_read_position),
         _channel("normal", "range", lambda source: _normal(source.view.gbuffer.lit_normal)),

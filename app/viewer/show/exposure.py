@@ -66,7 +66,7 @@ class AutoExposure:
 
 def brightest_light(renderer: Renderer, view: View) -> float:
     """Return the brightest light in the view, luminance-weighted W/m²: the upper end of false colours."""
-    textures = view.gbuffer.position, view.sums, renderer.direct_irradiance(view)
+    textures = view.gbuffer.position, view.splats.sums, renderer.direct_irradiance(view)
     position, sums, direct = (some_rows(texture, _ROWS) for texture in textures)
     light = (direct[:, :3] + sums[:, :3] / np.where(sums[:, 3:] > 0.0, sums[:, 3:], 1.0)) @ LUMINANCE
     return brightest(light[position[:, 3] > 0.0])

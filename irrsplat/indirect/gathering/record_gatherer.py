@@ -8,7 +8,7 @@ from functools import partial
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
+from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, Uniforms
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather, gather_records
@@ -28,6 +28,7 @@ from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.light_difference import LightDifference, changed_lights
 from irrsplat.surface_cache.site_layout import FULL, detail_for
+from irrsplat.surface_cache.transport import BouncedLight
 
 _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take; input ends this one too
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
@@ -78,8 +79,12 @@ class RecordGatherer(Owner):
     @property
     def may_probe(self) -> bool:
         """True if `probe_luminance` takes less time than a gather: both trace rays, but a gather at least four times as many."""
-        basis = self.basis
-        return basis.kind in ("trace", "embree") and basis.settings.gather_size >= 2 * SIDES[-1]
+        return self.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]
+
+    @property
+    def may_probe_holes(self) -> bool:
+        """True if gathers trace rays, and the light at their hits is known."""
+        return self.basis.kind in ("trace", "embree") and not self.awaits_light
 
     def probe_luminance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
         """Return (K,) float64 W/m², a rough luminance of E at the first K of the `sites` within the budget.
@@ -92,6 +97,20 @@ class RecordGatherer(Owner):
                 records = self.gathers.measure(gather, light, sites[some], self.settings, gradients=False).records
                 found.append(records.read("irradiance")["irradiance"].astype(float) @ LUMINANCE)
         return np.concatenate(found)
+
+    def probe_holes(self, shadows: ShadowMaps, probes: RecordCache, sites: Sites, budget: Budget) -> int:
+        """Add probes of few rays at the first of these `sites` within the budget. Return their number."""
+        gather, light, reduction = self.gathers.probe(self.basis, SIDES[0]), self.light(shadows), self.gathers.reduction(False)
+        done = 0
+        for some in gather.batches(len(sites), budget):
+            first = probes.append(sites[some])
+            try:
+                gather_records(gather, reduction, light, probes, np.arange(first, probes.count), self.settings.seed, self.timers)
+            except BaseException:
+                probes.truncate(first)  # their columns are empty
+                raise
+            done = some.stop
+        return done
 
     @property
     def surface(self) -> SurfaceCache | None:
@@ -497,6 +516,16 @@ class RecordGatherer(Owner):
         """The surface cache if it is required and has values; else None."""
         surface = self.surface
         return surface if surface is not None and surface.result is not None else None
+
+    @property
+    def surface_uniforms(self) -> Uniforms:
+        """The uniforms of the surface cache's values; empty without any."""
+        return {} if self.surface_now is None else self.surface_now.uniforms()
+
+    @property
+    def surface_result(self) -> BouncedLight | None:
+        """The values of the surface cache; None without any."""
+        return None if self.surface_now is None else self.surface_now.result
 
     def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
         """Return the surface cache's values at every pixel, see SurfaceViewPass; None while no cache has values."""

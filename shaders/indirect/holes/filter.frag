@@ -1,0 +1,50 @@
+// One step of the filter of probes (METHOD.md, 8.2): an edge-avoiding à-trous wavelet (Dammertz et al. 2010). Its weight falls with
+// the distance in R, as a record's weight does, and with the number of samples that a cell has already.
+#include "lib/texel.glsl"
+
+uniform sampler2D position;  // of the cells: world space; w: depth, 0 without a surface
+uniform sampler2D normal;    // of the cells
+uniform sampler2D rest;      // of the cells: z is 1 for a hole
+uniform sampler2D light;     // Σ E and number of samples
+uniform sampler2D near;      // Σ 1/R and number of probes
+uniform int step_size;       // distance of samples in cells
+uniform float width;         // of a cell at distance 1, metres
+
+layout(location = 0) out vec4 out_light;  // Σ E and effective number of samples
+layout(location = 1) out vec2 out_near;   // Σ 1/R and effective number of probes
+
+const float WITHIN = 0.3;      // of R: distance at which the weight is 1/e
+const float RISE = 0.25;       // of the distance: height above a tangent plane at which the weight is 1/e
+const float LEAST_RISE = 0.3;  // widths of a cell: least such height
+const float OTHER = 1e-6;      // least weight, so that cells without a sample on their surface take other ones
+const float ENOUGH = 4.0;      // samples of a cell, beyond which the weight of other cells falls
+
+void main()
+{
+    ivec2 cell = ivec2(gl_FragCoord.xy), last = textureSize(position, 0) - 1;
+    vec4 p = texel_at(position, cell);
+    vec3 n = texel_at(normal, cell).xyz;
+    vec2 own = texel_at(near, cell).xy;
+    float nearness = own.x / max(own.y, 1e-20);
+    out_light = texel_at(light, cell);
+    out_near = own;
+    if (texel_at(rest, cell).z == 0.0) return;
+    float others = min(ENOUGH / max(out_light.a, 1e-20), 1.0);
+    for (int i = 0; i < 9; ++i)
+    {
+        ivec2 off = ivec2(i % 3, i / 3) - 1, at = cell + step_size * off;
+        if (off == ivec2(0) || at != clamp(at, ivec2(0), last)) continue;
+        vec4 q = texel_at(position, at), E = texel_at(light, at);
+        if (q.w == 0.0 || E.a == 0.0) continue;
+        vec3 m = texel_at(normal, at).xyz, offset = q.xyz - p.xyz;
+        vec2 other = texel_at(near, at).xy;
+        float d = length(offset), rise = max(abs(dot(offset, n)), abs(dot(offset, m))) / (RISE * d + LEAST_RISE * width * p.w);
+        float apart = d * max(nearness, other.x / max(other.y, 1e-20)) / WITHIN, facing = max(dot(n, m), 0.0);
+        facing *= facing * facing;
+        facing *= facing;
+        float kernel = off.x == 0 || off.y == 0 ? 0.5 : 0.25;  // relative to the cell's own weight
+        float weight = others * kernel * max(facing * facing * exp(-rise * rise - apart * apart), OTHER);
+        out_light += weight * E;
+        out_near += weight * other;
+    }
+}

@@ -1,0 +1,118 @@
+"""Light of holes: probes of few rays, filtered along the surfaces of a picture (docs/METHOD.md, 8.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
+from irrsplat.gpu.target import pixels, table_texture
+from irrsplat.indirect.hole_filling import HoleFilling, HoleProbes
+from irrsplat.scene.model import Camera
+from tests.support.worlds import gbuffer_of, on_plane
+
+SIZE = (64, 48)
+FAR, NEAR = 1.0, 9.0  # W/m², irradiance of a wall, and of a board one metre in front of its right half
+LEAK = 0.005  # relative: the least weights of other surfaces, times the ratio of both irradiances
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A view of the wall and the board: its g-buffer, empty sums, and the irradiance (H, W) of its surfaces, W/m²."""
+
+    camera: Camera
+    gbuffer: GBuffer
+    empty: SplatBuffer
+    irradiance: np.ndarray
+
+
+def seen(ctx: moderngl.Context, x: float) -> Seen:
+    """Return the view from (x, 0.2, 3)."""
+    camera = Camera((x, 0.2, 3.0), (x, 0.0, 0.0), fov=50.0)
+    (far, far_depth), (near, near_depth) = (on_plane(camera, SIZE, (0, 0, z), (0, 0, 1)) for z in (0.0, 1.0))
+    board = near[..., 0] > 0.1
+    position, depth = np.where(board[..., None], near, far), np.where(board, near_depth, far_depth)
+    gbuffer = gbuffer_of(ctx, position, np.broadcast_to((0.0, 0.0, 1.0), position.shape), depth)
+    nothing = table_texture(ctx, np.zeros((*SIZE[::-1], 4)))
+    return Seen(camera, gbuffer, SplatBuffer(nothing, nothing), np.where(board, NEAR, FAR))
+
+
+def probed(sites: Sites, noise: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return (N, 4) the values of probes at `sites`: E with a relative `noise`, and R of 10 m."""
+    E = np.where(sites.position[:, 2] > 0.5, NEAR, FAR) * (1.0 + noise)
+    return np.stack([E, E, E, np.full(len(E), 10.0)], axis=1)
+
+
+def filled(filling: HoleFilling, view: Seen, probes: HoleProbes | None) -> np.ndarray:
+    """Return (H, W) the filled irradiance of a view, W/m²; top row first."""
+    sums = pixels(filling(view.gbuffer, view.empty, view.camera, probes, {}).sums)
+    return np.asarray(sums[..., 0] / sums[..., 3])
+
+
+def test_light_stays_on_its_surface_and_serves_other_views(ctx: moderngl.Context) -> None:
+    """A mean of equal values is that value: each surface keeps its irradiance, at the edge of the board, too.
+
+    From another place, the probes are found again: only what the board hid has none.
+    """
+    with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
+        first, second = seen(ctx, 0.0), seen(ctx, 0.3)
+        sites = filling.sites(first.gbuffer, first.empty, first.camera, probes, {})
+        assert len(sites) == filling.grid[0] * filling.grid[1], "every cell has a hole"
+        some = sites[np.arange(len(sites) // 4)]  # the sparse ones are spread evenly
+        probes.cache.append(some, probed(some))
+        assert np.abs(filled(filling, first, probes) / first.irradiance - 1.0).max() < LEAK
+        probes.cache.append(sites, probed(sites))
+        left = filling.sites(second.gbuffer, second.empty, second.camera, probes, {})
+        assert 0 < len(left) < 0.35 * len(sites)
+        inner = (slice(4, -4), slice(4, -12))  # the camera went to the right, and sees new parts there
+        assert np.abs(filled(filling, second, probes) / second.irradiance - 1.0)[inner].max() < LEAK
+
+
+def test_the_filter_averages_noise_on_flat_surfaces(ctx: moderngl.Context) -> None:
+    """Three steps join more than 16 probes of a flat wall, which leaves at most a quarter of independent noise."""
+    view, rng = seen(ctx, -3.0), np.random.default_rng(1)  # the wall alone
+    with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
+        sites = filling.sites(view.gbuffer, view.empty, view.camera, probes, {})
+        probes.cache.append(sites, probed(sites, 0.2 * rng.standard_normal(len(sites))))
+        wall = view.irradiance == FAR
+        found = filled(filling, view, probes)[wall]
+        assert wall.mean() > 0.9 and found.std() < 0.05 and abs(found.mean() - FAR) < 0.02
+
+
+@pytest.mark.parametrize("with_probes", [False, True])
+def test_records_keep_their_pixels_and_light_the_holes_around_them(ctx: moderngl.Context, with_probes: bool) -> None:
+    """The sums of records stay as they are, and holes around them take the light of records on their surface.
+
+    Without any probe, this light reaches all holes, however far.
+    """
+    view = seen(ctx, 0.0)
+    covered = np.zeros(SIZE[::-1], bool)
+    covered[20:28, 4:12] = covered[20:28, 52:60] = True  # on the wall and on the board
+    E = np.where(covered, view.irradiance, 0.0)[..., None] * np.ones(3)
+    texture = table_texture(ctx, np.concatenate([2.0 * E, 2.0 * covered[..., None]], axis=-1)[::-1])
+    view = Seen(view.camera, view.gbuffer, SplatBuffer(texture, texture), view.irradiance)
+    with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
+        sums = pixels(filling(view.gbuffer, view.empty, view.camera, probes if with_probes else None, {}).sums)
+        assert (sums[covered] == pixels(texture)[covered]).all()
+        lit, near = sums[..., 3] > 0.0, np.zeros_like(covered)
+        near[17:31, 1:15] = near[17:31, 49:63] = True
+        assert lit[near].all() and (with_probes or lit.all())
+        assert np.abs(sums[near][:, 0] / sums[near][:, 3] / view.irradiance[near] - 1.0).max() < 0.05
+
+
+def test_probes_hold_while_the_light_does_and_the_oldest_go(ctx: moderngl.Context) -> None:
+    """Another light voids all probes; a flight keeps a bounded number of them."""
+    place, up = np.zeros((20_000, 3), "f4"), np.tile(np.array([0.0, 1.0, 0.0], "f4"), (20_000, 1))
+    with HoleProbes(ctx) as probes:
+        light, bounced = object(), object()
+        assert probes.follow(light, bounced)
+        for number in range(1, 6):
+            values = np.full((len(place), 4), 1.0 * number)
+            probes.cache.append(Sites(place, up, up), values)
+            assert not probes.follow(light, bounced)
+        held = probes.cache.records.read("radius")["radius"]
+        assert len(held) <= 1 << 15 and held[-1] == 5.0 and (np.diff(held) >= 0.0).all()
+        assert probes.follow(light, object()) and not probes.cache.count
