@@ -145,10 +145,9 @@ class ViewSource:
 
     @property
     def inputs(self) -> object:
-        """The inputs of all buffers of the view, for a memo, which compares them by ==."""
-        renderer, gatherer = self.renderer, self.renderer.scheduler.gatherer
-        surface = None if gatherer.surface_now is None else gatherer.surface_now.result
-        made = self.view, self.reference, renderer.shadows, gatherer.atlas, surface
+        """The inputs of all buffers in the view, for a memo, which compares them by ==."""
+        renderer, surface = self.renderer, self.renderer.scheduler.gatherer.surface_now
+        made = self.view, self.reference, renderer.shadows, None if surface is None else surface.result
         return [Identity(one) for one in made], renderer.settings, self.exposure, self.light_scale
 
     @property

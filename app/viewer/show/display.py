@@ -55,7 +55,8 @@ class Display(Owner):
 
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
-        return self.session.options.buffer, self.session.source(side).inputs
+        name, source = self.session.options.buffer, self.session.source(side)
+        return name, source.inputs, BUFFERS[name].in_view or Identity(source.renderer.scheduler.gatherer.atlas)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> None:
         """Draw both sides, and mark the record under the cursor, if records are inspected."""
