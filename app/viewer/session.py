@@ -27,6 +27,7 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share; a change of the preset keeps them
+_FEW = 8  # samples per pixel: with fewer, edges are smoothed by their shape
 _MOVING = 0.6  # share of a tick's time while the camera moves: input at a tick's begin shows after the next tick
 
 
@@ -135,8 +136,7 @@ class Session(Owner):
         if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has changed
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
             if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
-                aim = 0.01 * renderer.settings.viewer_quality
-                _, progress = renderer.refine(self.camera, aim, end - now())
+                _, progress = renderer.refine(self.camera, 0.01 * renderer.settings.viewer_quality, end - now())
         last = self.views[side] if side < len(self.views) else view
         if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
             view = last  # until the refined view has as many samples
@@ -181,7 +181,8 @@ class Session(Owner):
         i = side if len(self.views) == 2 and self.options.split else 0
         renderer, view = self.renderers[i], self.views[i]
         reference = self.tracing.of(Subject(self.scene, view.camera, self.size, renderer.settings.bounces))
-        return ViewSource(renderer, view, self.auto_exposure.stops, reference, LightScale().up_to(self.brightest), self.origin)
+        smoothed, scale = view.samples < min(_FEW, renderer.settings.viewer_samples), LightScale().up_to(self.brightest)
+        return ViewSource(renderer, view, self.auto_exposure.stops, reference, scale, self.origin, smoothed and self.whole)
 
     @property
     def subject(self) -> Subject:

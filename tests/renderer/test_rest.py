@@ -13,8 +13,11 @@ import pytest
 
 from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.gpu.program import Program
+from irrsplat.gpu.target import pixels
+from irrsplat.image.tonemap import tonemap
 from irrsplat.image.view import read
 from tests.app.viewer.test_viewer_leaks import CREATORS
+from tests.support.counted_clock import CountedClock
 from tests.support.viewing import Driver, brighter, viewing, write_room
 
 SAMPLES = 6
@@ -104,6 +107,21 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
         act()
         driver.frame()
         assert not session.at_rest and session.views[0].samples == 1
+
+
+def test_edges_are_smooth_before_the_records_are_complete(driver: Driver, clock: CountedClock) -> None:
+    """Direct light alone needs no record: the first picture is closer to the final picture than the light at pixel centres."""
+    session = driver.session
+    session.change(0, blend=0.0, viewer_samples=32)
+    driver.settle()
+    final = tonemap(pixels(session.views[0].image)[..., :3], session.auto_exposure.stops)
+    assert np.abs(driver.canvas() / 255.0 - final).max() < 1.0 / 255.0, "many samples need no smoothing"
+    driver.actions.clear()
+    driver.frame()
+    assert session.views[0].samples == 1 and not session.progress[0].still
+    centres = tonemap(pixels(session.views[0].image)[..., :3], session.auto_exposure.stops)
+    plain, smooth = (float(np.sqrt(np.mean((one - final) ** 2))) for one in (centres, driver.canvas() / 255.0))
+    assert plain > 0.01 and smooth < 0.6 * plain, (plain, smooth)
 
 
 # ---- no draws, no new objects -----------------------------------------------------------------------------------------

@@ -133,7 +133,7 @@ class ViewSource:
     """A renderer's view on one side of the window, exposed by `exposure` stops.
 
     reference: the path-traced reference of this view; None for none. light_scale: the scale of false colours, with a known upper
-    end. origin: a point in world space; the view's positions are relative to it, in metres.
+    end. origin: a point in world space; the view's positions are relative to it, in metres. smoothed: True for smooth edges.
     """
 
     renderer: Renderer
@@ -142,13 +142,14 @@ class ViewSource:
     reference: TracedReference | None = None
     light_scale: LightScale = LightScale()  # frozen, so safe as a default
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    smoothed: bool = False
 
     @property
     def inputs(self) -> object:
         """The inputs of all buffers in the view, for a memo, which compares them by ==."""
         renderer, surface = self.renderer, self.renderer.scheduler.gatherer.surface_now
         made = self.view, self.reference, renderer.shadows, None if surface is None else surface.result
-        return [Identity(one) for one in made], renderer.settings, self.exposure, self.light_scale
+        return [Identity(one) for one in made], renderer.settings, self.exposure, self.light_scale, self.smoothed
 
     @property
     def gain(self) -> float:
@@ -165,10 +166,10 @@ class Canvas:
     region: Region | None = None
 
     def fill(self, fragment: str, uniforms: Uniforms) -> None:
-        """Draw with shaders/viewer/buffers/`fragment`.frag. Uniforms that it does not declare are left out."""
-        program = self.programs(f"viewer/buffers/{fragment}", defines=sky_defines(uniforms))
-        given = program.declared({"colours": self.programs.colours, **uniforms})
-        program(self.target, scissor=self.region, **given)
+        """Draw with shaders/viewer/buffers/`fragment`.frag. Undeclared uniforms are left out; capitals are defines."""
+        defines = sky_defines(uniforms) | {name: value for name, value in uniforms.items() if name.isupper()}
+        program = self.programs(f"viewer/buffers/{fragment}", defines=defines)
+        program(self.target, scissor=self.region, **program.declared({"colours": self.programs.colours, **uniforms}))
 
     def tiles(self, fragment: str, count: int, cell: tuple[float, float], columns: int, **uniforms: Any) -> None:
         """Draw `count` tiles of `cell` texels, as large as possible and centred. columns: tiles per row of the texture."""

@@ -46,9 +46,8 @@ def _exposed(source: ViewSource, unit: str, more: str = "") -> Legend:
 
 def _image(source: ViewSource) -> Shown:
     view, (lower, upper) = source.view, source.view.backdrop.ends
-    plain = view.backdrop.kind == "sky"
-    uniforms = {"values": view.image, "alpha": view.alpha, "plain": plain, "lower": lower, "upper": upper, "gain": source.gain}
-    return uniforms, _exposed(source, CHANNELS["image"].unit)
+    shown = {"values": view.image, "alpha": view.alpha, "plain": view.backdrop.kind == "sky", "SMOOTHED": int(source.smoothed)}
+    return {**shown, "lower": lower, "upper": upper, "gain": source.gain}, _exposed(source, CHANNELS["image"].unit)
 
 
 def _radiance(source: ViewSource, texture: moderngl.Texture, covers_unseen: bool) -> Shown:
