@@ -137,7 +137,7 @@ class Session(Owner):
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
             if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
                 _, progress = renderer.refine(self.camera, 0.01 * renderer.settings.viewer_quality, end - now())
-        last = self.views[side] if side < len(self.views) else view
+        last = self.views[side] if side < len(self.views) and self._subject == self._shown else view
         if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
             view = last  # until the refined view has as many samples
         return centre, view, progress

@@ -109,6 +109,18 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
         assert not session.at_rest and session.views[0].samples == 1
 
 
+def test_a_refined_view_follows_the_blend_at_once(driver: Driver, clock: CountedClock) -> None:
+    """Without indirect light, the picture of a refined view is its direct light."""
+    session = driver.session
+    session.change(0, viewer_samples=SAMPLES, viewer_quality=0.5)
+    driver.settle()
+    assert session.views[0].splats.reach is not None, "a step of refinement is on show"
+    session.change(0, blend=0.0)
+    driver.frame()
+    image, direct = (pixels(texture)[..., :3] for texture in (session.views[0].image, session.views[0].direct))
+    assert not session.at_rest and np.allclose(image, direct, rtol=1e-5, atol=1e-6)
+
+
 def test_edges_are_smooth_before_the_records_are_complete(driver: Driver, clock: CountedClock) -> None:
     """Direct light alone needs no record: the first picture is closer to the final picture than the light at pixel centres."""
     session = driver.session
