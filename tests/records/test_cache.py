@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from irrsplat.core.record_layout import COLUMNS, GATHERED, TEXTURES
+from irrsplat.indirect.gathering.change_probe import apply_probes, columns_of, scale_by_surface
 from irrsplat.records.record_cache import RecordCache
-from tests.support.worlds import sites
+from tests.support.worlds import sites, write_columns
 
 
 def made_up(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -58,3 +59,18 @@ def test_growth_keeps_what_the_gpu_wrote(ctx: moderngl.Context) -> None:
     for i, name in enumerate(GATHERED):
         assert np.array_equal(texels(cache.records.textures[name], 4096), (values + i)[:, : TEXTURES[name]])
     cache.release()
+
+
+def test_corrected_records_within_closed_meshes_cover_only_their_own_pixels(ctx: moderngl.Context) -> None:
+    """A greatest radius of 0 marks them. Neither a probe nor the surface cache removes the mark."""
+    with RecordCache(ctx) as cache:
+        p, n, values = made_up(8)
+        numbers = cache.append(sites(p, n), values) + np.arange(8)
+        enclosed = numbers % 2 == 0
+        write_columns(cache.records, 0, max_radius=np.where(enclosed, 0.0, 1.0))
+        before = columns_of(cache, numbers)
+        cache.column("probe")[:] = before
+        apply_probes(cache, numbers, 0.5 * before, (0.01, 5.0))
+        assert np.array_equal(cache.records.read("max_radius")["max_radius"] == 0.0, enclosed)
+        scale_by_surface(cache, before[:, :3], 0.5 * before[:, :3], (0.01, 5.0))
+        assert np.array_equal(cache.records.read("max_radius")["max_radius"] == 0.0, enclosed)

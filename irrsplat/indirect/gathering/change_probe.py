@@ -97,8 +97,8 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
 
 
 def _set_columns(cache: RecordCache, numbers: np.ndarray, rows: np.ndarray, radii: tuple[float, float]) -> None:
-    """Set the values of records to these rows, in the form of probes."""
-    R = np.clip(rows[:, 3], *radii)
-    values = {"irradiance": rows[:, :3], "radius": R, "max_radius": np.minimum(WIDE * R, radii[1])}
+    """Set the values of records to these rows, in the form of probes. A greatest radius of 0 stays: it marks enclosed records."""
+    R, enclosed = np.clip(rows[:, 3], *radii), cache.records.read("max_radius")["max_radius"][numbers] == 0.0
+    values = {"irradiance": rows[:, :3], "radius": R, "max_radius": np.where(enclosed, 0.0, np.minimum(WIDE * R, radii[1]))}
     values |= {"vectors": rows[:, 4:13].reshape(-1, 3, 3), "gradient": rows[:, 13:].reshape(-1, 3, 3)}
     cache.correct(values, numbers)
