@@ -1,7 +1,7 @@
 """Limits of radii: compare each record with the records near it, on the GPU, by the formula of radius_limit.frag.
 
-All records are cut into strips across one axis. Within a strip, the records within COMPARED_WITHIN radii a·R are a range in the
-order of their places along another axis.
+All records are cut into strips along the axis of their greatest extent. Within a strip, the records within COMPARED_WITHIN radii
+a·R are a range in the order of their places along this axis.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from irrsplat.settings import Settings
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
 _COLUMNS = 64  # of the target: few records then fill whole blocks of pixels, which software renderers draw at once
 _HIGHEST = 4096  # rows of the target at most, if 64 columns lead to more: implementations of OpenGL limit textures to 8192
-_STRIP = 4096  # records per strip: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
+_STRIP = 32768  # records per strip at most: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
+_WIDTH = 12  # of a strip, in spacings of the records, about: narrower strips need more draws, wider ones more comparisons
 
 
 class RadiusLimitPass(Owner):
@@ -56,12 +57,14 @@ class RadiusLimitPass(Owner):
         found = self._made.get("found", shape, lambda: Target(self.ctx, shape, (1,)))
         targets = self._made.get("targets", shape, lambda: float_texture(self.ctx, shape, 1))
         others = self._made.get("others", size, lambda: float_texture(self.ctx, size))
-        along, across = np.ptp(places, axis=0).argsort()[1:].tolist()
-        order = np.argsort(places[which, across], kind="stable")  # near records share a block
+        extents = np.ptp(places, axis=0)
+        axes = along, across = extents.argsort()[:0:-1].tolist()
+        share = float(extents[across]) / max(float(extents[along]), 1e-30)
+        order = np.concatenate(_strips(places[which], axes, share))  # near records share a block
         texel_table.write(targets, 0, (order + which.indices(cache.count)[0])[:, None])
-        near, begin = low + np.argsort(places[low:, across], kind="stable"), 0
-        for strip in np.array_split(near, -(-len(near) // _STRIP)):
-            strip = strip[np.argsort(places[strip, along], kind="stable")]
+        begin = 0
+        for numbers in _strips(places[low:], axes, share):
+            strip = low + numbers
             texel_table.write(others, begin, np.column_stack([places[strip], strip]))
             self.programs[settings.gradients](
                 found,
@@ -74,7 +77,7 @@ class RadiusLimitPass(Owner):
                 count=len(order),
                 by_all=by_all,
                 others=others,
-                axes=(along, across),
+                axes=axes,
                 bounds=(places[strip, across].min(), places[strip, across].max()),
                 span=(begin, begin + len(strip)),
             )
@@ -82,3 +85,14 @@ class RadiusLimitPass(Owner):
         limits = np.empty(len(order), "f4")
         limits[order] = texel_table.read(self.ctx, found.textures[0], 0, len(order))[:, 0]
         return limits
+
+
+def _strips(places: np.ndarray, axes: tuple[int, int], share: float) -> list[np.ndarray]:
+    """Return the numbers of places (N, 3) in strips along the first of the `axes` and across the second one, each in its order.
+
+    share: the extent of all places along the second axis, as a share of that along the first one.
+    """
+    along, across = axes
+    count = max(int(np.sqrt(len(places) * share) / _WIDTH), -(-len(places) // _STRIP))
+    strips = np.array_split(np.argsort(places[:, across], kind="stable"), count)
+    return [strip[np.argsort(places[strip, along], kind="stable")] for strip in strips]

@@ -14,7 +14,7 @@ from irrsplat.core.buffers import Records
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.timers import Timers
 from irrsplat.records.adaptive_radius import AdaptiveRadius
-from irrsplat.records.radius_limit_pass import RadiusLimitPass
+from irrsplat.records.radius_limit_pass import RadiusLimitPass, _strips
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from tests.renderer.test_renderer import FAST, SIZE, room
@@ -181,6 +181,22 @@ def test_few_new_records_limit_no_old_ones_until_there_are_more(ctx: moderngl.Co
     assert not found[1][0] and np.array_equal(found[0][1], found[1][1])
     assert found[2][0] and np.array_equal(cache.limits(360), made.limits(BASE)[:360])
     cache.release()
+
+
+@pytest.mark.parametrize(("length", "reach"), [(1.0, 0.05), (30.0, 0.5), (1e6, 1e4)])
+def test_few_records_are_compared_in_halls_and_in_corridors(length: float, reach: float) -> None:
+    """Records in a hall of 1 x 1, and in corridors: less than twice as many are compared as lie within the reach of a record."""
+    chance, count = np.random.default_rng(0), 20_000
+    places = chance.random((count, 3)).astype("f4") * np.array([1.0, 0.0, length], "f4")
+    strips, asking = _strips(places, (2, 0), 1.0 / length), places[:200]
+    assert np.array_equal(np.sort(np.concatenate(strips)), np.arange(count))
+    compared = 0
+    for strip in strips:
+        x, z = places[strip, 0], places[strip, 2]
+        met = asking[(asking[:, 0] + reach > x.min()) & (asking[:, 0] - reach < x.max()), 2]
+        compared += int((np.searchsorted(z, met + reach) - np.searchsorted(z, met - reach)).sum())
+    near = np.count_nonzero((np.abs(places[:, None] - asking) < reach).all(2))
+    assert near > 20_000 and compared < 2 * near
 
 
 def test_the_greatest_cache_fits_into_textures_of_8192_rows(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
