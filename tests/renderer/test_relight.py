@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import moderngl
@@ -225,3 +226,22 @@ def test_a_picture_follows_other_bounces_before_half_of_the_records_are_gathered
             view, progress = renderer.frame(seconds=0.05)
             stale, error = progress.stale, np.sqrt(np.mean((view.read().irradiance - reference) ** 2)) / reference.mean()
         assert stale > 0 and error < 0.07
+
+
+def test_a_file_keeps_its_light_until_the_surface_cache_has_other_bounces(tmp_path: Path) -> None:
+    """No probe finds the former light of records from a file before a surface cache exists. Probes added this light once more."""
+    cornell = irrsplat.load("cornell")
+    with Renderer(cornell, (64, 48), bounces=2) as renderer:
+        reference = renderer.render().irradiance
+    with use_clock(RayClock(4e6)), Renderer(cornell, (64, 48)) as renderer:
+        before = renderer.render().irradiance
+        renderer.save_cache(tmp_path / "all.npz")
+    with use_clock(RayClock(4e6)), Renderer(cornell, (64, 48)) as renderer:
+        renderer.load_cache(tmp_path / "all.npz")
+        renderer.render()
+        renderer.change(replace(renderer.settings, bounces=2))
+        view, progress = renderer.frame(seconds=0.05)
+        while not progress.still:
+            assert view.read().irradiance.mean() < 1.01 * before.mean()
+            view, progress = renderer.frame(seconds=0.05)
+        assert view.read().irradiance.mean() == pytest.approx(reference.mean(), rel=0.01)

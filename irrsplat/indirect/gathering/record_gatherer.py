@@ -166,8 +166,8 @@ class RecordGatherer(Owner):
         surface = self._made.find("surface", SurfaceCache)
         # work that may fail comes first
         changed = self._changed_lights(new, change)
-        # another way to gather voids all probes
-        other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way
+        # another way to gather voids all probes; records from a file have light that no probe finds without a surface cache
+        other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way and not self.awaits_light
         if (other_bounces or (change and change.dimming is None)) and shadows is not None:
             if changed is None:  # probe the former light a last time
                 unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
