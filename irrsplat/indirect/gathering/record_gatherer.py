@@ -235,11 +235,13 @@ class RecordGatherer(Owner):
         if gathered or switched or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # the gather of this atlas is gone
         more = settings.gradients and not was.gradients  # records of gathers without gradients have none
+        if was.most_bounces != settings.most_bounces:  # the first values of the surface cache replace the light of a file
+            new = replace(new, from_file=None)
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, from_file=None)
         elif switched or (change.changes_light and change.dimming is None):
-            new = replace(new, moved=new.moved or switched, from_file=None)
+            new = replace(new, moved=new.moved or switched)
             cache.column("due")[:] += float(changed is None)
             cache.invalidate(np.arange(cache.count))
         self.basis = new
