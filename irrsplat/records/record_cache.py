@@ -140,7 +140,8 @@ class RecordCache(Owner):
         if values is not None:
             texels = {name: np.zeros((len(sites), TEXTURES[name]), "f4") for name in GATHERED}
             record_layout.pack(texels, "irradiance", values[:, :3])
-            record_layout.pack(texels, "radius", values[:, 3])
+            for name in ("radius", "max_radius"):  # a greatest radius of 0 would mark enclosed records
+                record_layout.pack(texels, name, values[:, 3])
             # without directions: E independent of the normal, E = n_k·M, and no derivatives
             record_layout.pack(texels, "vectors", sites.normal[:, None] * values[:, :3, None])
             for name, rows in texels.items():

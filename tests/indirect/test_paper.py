@@ -118,3 +118,11 @@ def test_the_scan_by_rays_has_all_light_of_emitters_and_sky(gather: Any) -> None
     for world, E in ((irrsplat.load("furnace"), np.pi), (open_floor, 1790.0 / 179.0)):
         frame = irrsplat.render(world, (24, 24), placement="scan", gather=gather, bounces=1, gradients=False, warmup=10, a=1.0)
         assert np.allclose(frame.records_irradiance, E, rtol=5e-3)
+
+
+def test_records_of_the_scan_cover_their_neighbours_with_the_setting_gradients() -> None:
+    """The scan gathers no derivatives. A greatest radius of 0 would mark its records as enclosed, for their own pixels alone."""
+    cornell = irrsplat.load("cornell")
+    one, other = (irrsplat.render(cornell, (24, 24), preset="paper", warmup=10, gradients=on) for on in (False, True))
+    assert np.array_equal(one.records_position, other.records_position)
+    assert np.allclose(one.irradiance, other.irradiance, rtol=1e-4)

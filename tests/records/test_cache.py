@@ -40,7 +40,7 @@ def test_records_come_back_in_their_order(ctx: moderngl.Context, parts: tuple[in
     assert np.array_equal(found["irradiance"], values[:, :3]) and np.array_equal(found["radius"], values[:, 3])
     on_gpu = records.read(*(name for name in COLUMNS if name != "limit"))
     # E = n_k·M without directions: M = E·n_k, and no derivatives
-    found["vectors"] = found["normal"][:, None] * values[:, :3, None]
+    found["vectors"], found["max_radius"] = found["normal"][:, None] * values[:, :3, None], values[:, 3]
     for name, column in on_gpu.items():
         assert np.allclose(column, found.get(name, 0.0), rtol=1e-6), name
     assert np.array_equal(on_gpu["position"], p.astype("f4"))
