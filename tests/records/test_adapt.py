@@ -13,6 +13,7 @@ import irrsplat
 from irrsplat.core.buffers import Records
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.timers import Timers
+from irrsplat.records import radius_limit_pass
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.radius_limit_pass import RadiusLimitPass, _strips
 from irrsplat.records.record_cache import RecordCache
@@ -125,8 +126,9 @@ VARIANTS = {
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str) -> None:
-    """Limits match numpy, except for rounding at a radius's rim; the least limit is equal bit for bit for any order of parts."""
+def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Limits match numpy, except for rounding at a radius's rim; the least limit is equal bit for bit for any order of parts, and
+    for strips of any width."""
     made, settings = Made(ctx, 1300), VARIANTS[name]
     found, expected = made.limits(settings), truth(made, settings)
     assert (found[1300:] == 1.0).all(), "nothing is written beyond the last record"
@@ -134,6 +136,8 @@ def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str) -> No
     assert np.isclose(found[:1300], expected, rtol=1e-3).mean() > 0.99
     for parts in ((1,), (3, 1024, 1025)) if name == "default" else ():  # numbers of records after each part
         assert np.array_equal(made.limits(settings, *parts), found), f"in parts {parts} as at once"
+    monkeypatch.setattr(radius_limit_pass, "_WIDTH", 1.0)
+    assert np.array_equal(made.limits(settings), found), "in narrow strips as in wide ones"
 
 
 def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Made:
