@@ -24,6 +24,7 @@ from irrsplat.lighting.sky import sky_defines
 from irrsplat.scene.model import Camera, PictureCamera
 
 _BASES = 2, 3, 5  # of the Halton sequence: x, y and the rotation
+_DRAWN = object()  # marks the end of a sample
 OnProgress = Callable[[float], None]  # called with the share of finished samples, 0..1
 DrawSample = Callable[[int, "SampleBuffers"], Iterator[None]]  # draws a sample by its number; pauses between its stages
 
@@ -75,7 +76,7 @@ class Antialiaser(Owner):
                 while done < samples and last_seconds < budget.left:
                     start = now()
                     self._sample = self._sample or draw(done, buffers)
-                    if next(self._sample, self) is self:
+                    if next(self._sample, _DRAWN) is _DRAWN:
                         self._sample, done = None, done + 1
                         if on_progress is not None:
                             self.ctx.finish()
