@@ -132,8 +132,8 @@ def bends_of(cache: RecordCache, first: int = 0) -> tuple[np.ndarray, np.ndarray
     """Return the axis (N, 3) and the two bends (N, 2) of the records from number `first` on."""
     names = ("radius", "axis", "curvature", "max_radius")
     R, axis, curvature, max_radius = (column[first:] for column in cache.records.read(*names).values())
-    most = np.where(axis.any(1), np.minimum(3.0 * R, RADII[1]), 0.0)
-    assert np.allclose(max_radius, most, rtol=1e-6), "the greatest radius is three times R, where a record knows how it bends"
+    most = np.where(axis.any(1), np.minimum(3.0 * R, RADII[1]), R)
+    assert np.allclose(max_radius, most, rtol=1e-6), "three times R with second derivatives, else R"
     return axis, curvature
 
 
