@@ -143,6 +143,7 @@ class Frames(Owner):
         probing = budget.limited and gather and bounces and state.settings.fill_holes and gatherer.may_probe_holes
         if scheduler.hole_probes.follow(shadows, gatherer.surface_result, gatherer.basis.scene):
             view = replace(view, holes=None)
+        first = not (cache.count or scheduler.hole_probes.cache.count)
         if not bounces:
             view = replace(view, need=Need(missing=0.0))
         elif not ready or view.stalled:
@@ -152,7 +153,7 @@ class Frames(Owner):
             view, new, complete = scheduler.gather_missing(view, screen, shadows, camera, part)
         if probing and view.lacks_probes:
             filling = stages.hole_filling(state)
-            view = self._probe_holes(filling, view, screen, shadows, camera, budget.part(1.0, later))
+            view = self._probe_holes(filling, view, screen, shadows, camera, budget.part(1.0, later), FIRST if first else 0)
         if new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
@@ -197,16 +198,22 @@ class Frames(Owner):
         return self.scheduler.screen(gbuffer, splats, camera)
 
     def _probe_holes(
-        self, filling: HoleFilling, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget
+        self,
+        filling: HoleFilling,
+        view: ViewState,
+        screen: Screen,
+        shadows: ShadowMaps,
+        camera: Camera,
+        budget: Budget,
+        least: int,
     ) -> ViewState:
-        """Gather probes of a view's holes within the budget. The first ones after the first light need no budget."""
+        """Gather probes of a view's holes within the budget, and at least so many of them."""
         gatherer, probes, gbuffer, splats = self.scheduler.gatherer, self.scheduler.hole_probes, screen.gbuffer, screen.splats
         assert gbuffer is not None and splats is not None  # ticks draw whole views alone
         if (holes := view.holes) is None:
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 holes = filling.sites(gbuffer, splats, camera, probes, gatherer.surface_uniforms)
-        if not (probes.cache.count or self.cache.count):
-            holes = holes[gatherer.probe_holes(shadows, probes.cache, holes[:FIRST], Budget(None)) :]
+        holes = holes[gatherer.probe_holes(shadows, probes.cache, holes[:least], Budget(None)) :]
         return replace(view, holes=holes[gatherer.probe_holes(shadows, probes.cache, holes, budget) :])
 
     def _examine(
