@@ -210,6 +210,33 @@ def test_no_picture_is_worse_once_a_carried_light_rests() -> None:
     assert max(errors[len(carried) :]) < errors[len(carried) - 1] < 0.1
 
 
+def test_records_by_present_light_take_no_former_change_of_the_surface_cache() -> None:
+    """A light is carried from the first tick on, in flight: coarse values wait for the first records, and then follow at once.
+
+    Records have the light by then. Scaled by the whole change again, those of one wall had twice their light.
+    """
+    cornell, size, carried, worst = irrsplat.load("cornell"), (160, 120), 12, 0.0
+    camera, (light, *others) = cornell.camera(), cornell.lights
+    eye, ahead = np.array(camera.eye), np.array(camera.target) - camera.eye
+    with (
+        use_clock(RayClock(1.2e6)),
+        Renderer(cornell, size, seed=1) as renderer,
+        Renderer(cornell, size, preset="preview") as fresh,
+    ):
+        for tick in range(carried):
+            position = tuple((np.array(light.position) + tick * np.array([0.02, -0.01, 0.02])).tolist())
+            lights, angle = (replace(light, position=position), *others), np.radians(2.5 * tick)
+            turned = ahead * np.cos(angle) + np.cross(camera.up, ahead) * np.sin(angle)
+            seen = replace(camera, target=tuple((eye + turned).tolist()))
+            renderer.relight(lights)
+            view, _ = renderer.frame(seen, 0.08)
+            if tick > 8:
+                fresh.relight(lights)
+                found, expected = view.read().irradiance, fresh.render(seen, buffers=["irradiance"]).irradiance
+                worst = max(worst, float(np.sqrt(((found - expected) ** 2).mean()) / expected.mean()))
+    assert worst < 0.3
+
+
 @pytest.mark.parametrize(("before", "after"), [("all", 1), (1, "all")])
 def test_a_picture_follows_other_bounces_before_half_of_the_records_are_gathered_again(before: Any, after: Any) -> None:
     """Probes along few rays correct all records, and the picture takes their values at once. Both lights differ by half."""

@@ -62,6 +62,7 @@ class RecordGatherer(Owner):
             world.prebuild(caster=self._casts)
         self.gathers = self.own(Gathers(world))
         self._count = 0  # of the records at the last advance of the surface cache
+        self._waited = False  # True if records of the last tick have newer light than the surface cache
         self._made = self.own(Workshop())  # the surface cache and the difference of the light
 
     # ---- the passes -------------------------------------------------------------------------------------------------
@@ -330,10 +331,11 @@ class RecordGatherer(Owner):
         first, coarse = surface.result is None, surface.is_coarse
         sites = cache.sites(slice(0, cache.count))
         follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
-        before, followed = surface.at(sites) if follows else None, surface.follows
+        before, followed = surface.at(sites) if follows and not self._waited else None, surface.follows
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         waits = budget.limited and coarse and (self._without_tree or first_records)  # the full level has virtual lights
+        self._waited = waits
         change = None if waits else surface.advance(shadows, part)
         made = change is not None
         if change is not None and basis.from_file is None:
