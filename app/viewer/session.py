@@ -133,13 +133,16 @@ class Session(Owner):
         seconds *= _MOVING if moving else 1.0
         view, progress = renderer.frame(self.camera, seconds, gather and not self.options.frozen, moving)
         centre = view
+        refined, samples = self._refined(renderer, progress), renderer.settings.viewer_samples
+        if progress.error is not None and not refined:
+            samples = min(_FEW, samples)  # between the steps of a refinement
         if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has changed
-            view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
-            if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
+            view = renderer.accumulate(view, samples, end - now())
+            if view.samples >= samples and not refined:
                 _, progress = renderer.refine(self.camera, 0.01 * renderer.settings.viewer_quality, end - now())
         last = self.views[side] if side < len(self.views) and self._subject == self._shown else view
-        if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
-            view = last  # until the refined view has as many samples
+        if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < min(last.samples, samples):
+            view = last  # until the refined view has enough samples
         return centre, view, progress
 
     @property
