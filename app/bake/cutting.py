@@ -50,8 +50,7 @@ class Edges:
     @property
     def keys(self) -> np.ndarray:
         """Number (E,) of each edge, stable until the edge is cut."""
-        found: np.ndarray = self.ends[:, 0] << 32 | self.ends[:, 1]
-        return found
+        return np.asarray(self.ends[:, 0] << 32 | self.ends[:, 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +82,7 @@ class Cut:
     def positions(self, receivers: Receivers) -> np.ndarray:
         """Return the positions (V, 3) of the vertices."""
         surfaces = receivers.surfaces
-        found: np.ndarray = (surfaces.positions[surfaces.faces[self.root]].astype(float) * self.corner[..., None]).sum(1)
-        return found
+        return np.asarray((surfaces.positions[surfaces.faces[self.root]].astype(float) * self.corner[..., None]).sum(1))
 
     def edges(self, receivers: Receivers) -> Edges:
         """Return the edges of all faces, each once."""

@@ -170,8 +170,7 @@ def _baked(
 def _offsets(count: int) -> np.ndarray:
     """Return `count` evenly spread offsets (count, 2) from a texel's centre, in texels (R2 sequence); the first is the centre."""
     steps = np.arange(count)[:, None] * np.array([1.0 / _GOLDEN, 1.0 / _GOLDEN**2])
-    offsets: np.ndarray = (steps + 0.5) % 1.0 - 0.5
-    return offsets
+    return np.asarray((steps + 0.5) % 1.0 - 0.5)
 
 
 def _texel(receivers: Receivers, charts: Charts) -> float:

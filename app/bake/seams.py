@@ -36,8 +36,7 @@ def filled(values: np.ndarray, known: np.ndarray, position: np.ndarray, chart: n
         light = values[known][np.where(there, near, 0)]
         found[missing] = (share[..., None] * light).sum(1) / share.sum(1)[:, None]
     nearest = ndimage.distance_transform_edt(chart < 0, return_distances=False, return_indices=True)
-    result: np.ndarray = found[tuple(nearest)]
-    return result
+    return np.asarray(found[tuple(nearest)])
 
 
 def matched(values: np.ndarray, charts: Charts, position: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -147,5 +147,4 @@ class _Boxes:
         """Return a mask: True if the sphere around `centre` (…, 3) touches the box."""
         low, high = self.low[boxes], self.high[boxes]
         away = np.maximum(np.maximum(low - centre, centre - high), np.float32(0.0))
-        touched: np.ndarray = (away.astype(np.float32) ** 2).sum(-1) <= radius**2
-        return touched
+        return np.asarray((away.astype(np.float32) ** 2).sum(-1) <= radius**2)

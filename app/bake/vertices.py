@@ -141,8 +141,7 @@ def _off(known: _Known, tried: _Known, ends: np.ndarray, tolerance: float, floor
     off = np.abs(tried.total - 0.5 * (known.total[first] + known.total[second])).max(1)
     both = known.seen[first] & known.seen[second]
     wrong = tried.seen & both & (off > tolerance * np.maximum(tried.total.max(1), floor))
-    found: np.ndarray = wrong | (known.seen[first] != known.seen[second]) | (both != tried.seen)
-    return found
+    return np.asarray(wrong | (known.seen[first] != known.seen[second]) | (both != tried.seen))
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,8 +220,7 @@ def glb_of(made: VertexLight) -> bytes:
     corners = surfaces.faces[cut.root]
 
     def blended(values: np.ndarray) -> np.ndarray:
-        found: np.ndarray = (values[corners].astype(float) * cut.corner[..., None]).sum(1)
-        return found
+        return np.asarray((values[corners].astype(float) * cut.corner[..., None]).sum(1))
 
     there = surfaces.at(cut.root, cut.corner[:, 1], cut.corner[:, 2])
     lit = made.irradiance / np.pi

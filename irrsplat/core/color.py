@@ -42,8 +42,7 @@ def srgb(linear: np.ndarray) -> np.ndarray:
     x = np.clip(linear, 0.0, 1.0)
     c = SRGB
     curved = (1.0 + c.offset) * np.maximum(x, c.linear_end) ** (1 / c.power) - c.offset
-    encoded: np.ndarray = np.where(x <= c.linear_end, c.slope * x, curved)
-    return encoded
+    return np.asarray(np.where(x <= c.linear_end, c.slope * x, curved))
 
 
 def photometric(values: np.ndarray) -> np.ndarray:

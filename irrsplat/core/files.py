@@ -131,8 +131,7 @@ def dithered(display: np.ndarray, first: int = 0) -> np.ndarray:
 
 def eight_bits(display: np.ndarray) -> np.ndarray:
     """Return display values 0..1, any shape, as uint8."""
-    found: np.ndarray = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
-    return found
+    return np.asarray(np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8))
 
 
 def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header: Mapping[str, object] | None = None) -> None:

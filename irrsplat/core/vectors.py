@@ -65,8 +65,7 @@ def times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
     Each row's result is independent of the other rows to the last bit, which `@` (BLAS) does not guarantee.
     """
-    turned: np.ndarray = vectors[:, :1] * matrix[..., 0] + vectors[:, 1:2] * matrix[..., 1] + vectors[:, 2:] * matrix[..., 2]
-    return turned
+    return np.asarray(vectors[:, :1] * matrix[..., 0] + vectors[:, 1:2] * matrix[..., 1] + vectors[:, 2:] * matrix[..., 2])
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -105,8 +104,7 @@ def triangle_normals(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def squares_from_boxes(low: np.ndarray, high: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Return (N,) the squared distances of a `place` (3,) from the boxes with the corners `low` and `high`, (3, N) each."""
     sides = zip(low, high, place, strict=True)
-    squares: np.ndarray = sum(np.maximum(np.maximum(least - x, x - most), 0.0) ** 2 for least, most, x in sides)
-    return squares
+    return np.asarray(sum(np.maximum(np.maximum(least - x, x - most), 0.0) ** 2 for least, most, x in sides))
 
 
 def triangle_areas(corners: np.ndarray) -> np.ndarray:
@@ -126,8 +124,7 @@ def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     z = 1.0 - np.abs(x) - np.abs(y)
     fold = np.maximum(-z, 0.0)
     v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
-    scaled: np.ndarray = v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
-    return scaled
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30))
 
 
 def sphere(count: int) -> np.ndarray:

@@ -111,5 +111,4 @@ def display_picture(
     first, height = rows or (0, len(radiance))
     rise = ((np.arange(height)[::-1] + 0.5) / height)[first : first + len(radiance), None, None]
     behind = low + rise * (high - low)
-    picture: np.ndarray = share * own + (1.0 - share) * behind
-    return picture
+    return np.asarray(share * own + (1.0 - share) * behind)

@@ -169,8 +169,7 @@ def scaled_alpha(alpha: np.ndarray, means: np.ndarray, cutoff: float) -> np.ndar
     levels, counts = np.unique(means, return_counts=True)
     passing = np.cumsum(counts[::-1])[::-1] / means.size  # share of texels at or above each level
     level = max(float(levels[np.argmin(np.abs(passing - share))]), 1.0)
-    scaled: np.ndarray = np.minimum(np.ceil(means * (least / level)), 255.0).astype("u1")
-    return scaled
+    return np.asarray(np.minimum(np.ceil(means * (least / level)), 255.0).astype("u1"))
 
 
 def map_uniforms(name: str, texture: Texture) -> dict[str, np.ndarray | tuple[float, ...]]:

@@ -85,8 +85,7 @@ def error_colours(share: np.ndarray) -> np.ndarray:
     """Return display colours (..., 3) in 0..1 of errors (...) as shares of FULL: white at 0, BRIGHT from 1, DARK to -1."""
     share = np.asarray(share)[..., None]
     end = np.where(share > 0.0, np.array(BRIGHT) / 255.0, np.array(DARK) / 255.0)
-    found: np.ndarray = 1.0 + np.clip(np.abs(share), 0.0, 1.0) * (end - 1.0)
-    return found
+    return np.asarray(1.0 + np.clip(np.abs(share), 0.0, 1.0) * (end - 1.0))
 
 
 def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:

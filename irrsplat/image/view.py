@@ -165,8 +165,7 @@ def _irradiance(view: View) -> np.ndarray:
 def _indirect(view: View) -> np.ndarray:
     if view.indirect is not None:
         return _rgb(view.indirect)
-    found: np.ndarray = _where_seen(view, view.gbuffer.albedo) * _irradiance(view) / np.float32(np.pi)
-    return found
+    return np.asarray(_where_seen(view, view.gbuffer.albedo) * _irradiance(view) / np.float32(np.pi))
 
 
 def _emission(view: View) -> np.ndarray:

@@ -35,8 +35,7 @@ def _axes(forward: np.ndarray) -> np.ndarray:
 
 
 def _unit(v: np.ndarray) -> np.ndarray:
-    unit: np.ndarray = v / np.linalg.norm(v)
-    return unit
+    return np.asarray(v / np.linalg.norm(v))
 
 
 def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:

@@ -166,8 +166,7 @@ class _Spots:
     @property
     def worthwhile(self) -> np.ndarray:
         """(K,) True if enough of a light's rays end at virtual point lights."""
-        some: np.ndarray = self.near.mean((1, 2)) > _WORTHWHILE
-        return some
+        return np.asarray(self.near.mean((1, 2)) > _WORTHWHILE)
 
     @property
     def columns(self) -> np.ndarray:

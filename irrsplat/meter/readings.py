@@ -51,14 +51,12 @@ class Readings:
     @property
     def total(self) -> np.ndarray:
         """(N, 3) W/m²."""
-        found: np.ndarray = self.direct + self.indirect
-        return found
+        return np.asarray(self.direct + self.indirect)
 
     @property
     def counts(self) -> np.ndarray:
         """(N,) bool, True for measurable points."""
-        found: np.ndarray = self.status == Status.OK
-        return found
+        return np.asarray(self.status == Status.OK)
 
     def values(self, unit: Unit) -> dict[str, np.ndarray]:
         """Return `direct`, `indirect` and `total`: (N,) lux, or (N, 3) W/m²."""

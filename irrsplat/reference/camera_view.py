@@ -60,8 +60,7 @@ def camera_rays(camera: Camera, size: tuple[int, int], dx: float = 0.5, dy: floa
     x = ((column + dx) / width * 2.0 - 1.0) * slope * (width / height)
     y = (1.0 - (row + dy) / height * 2.0) * slope
     world = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ camera.axes
-    directions: np.ndarray = world / np.linalg.norm(world, axis=1, keepdims=True)
-    return directions
+    return np.asarray(world / np.linalg.norm(world, axis=1, keepdims=True))
 
 
 def seen(surfaces: Surfaces, directions: np.ndarray, nearest_hits: Nearest, epsilon: float) -> Visible:

@@ -129,15 +129,13 @@ class Surfaces:
     @cached_property
     def emission_varies(self) -> np.ndarray:
         """(F,) bool: True if a vertex of the triangle has an emission factor other than 1."""
-        uneven: np.ndarray = (self.emission_factor != 1.0).any(axis=1)[self.faces].any(axis=1)
-        return uneven
+        return np.asarray((self.emission_factor != 1.0).any(axis=1)[self.faces].any(axis=1))
 
     @cached_property
     def emission(self) -> np.ndarray:
         """(F, 3) float32: the triangles' emission before textures and vertex factors."""
         factors = np.array([m.emission for m in self.materials.materials]).reshape(-1, 3)
-        chosen: np.ndarray = factors[self.material].astype(np.float32)
-        return chosen
+        return np.asarray(factors[self.material].astype(np.float32))
 
     @cached_property
     def seen_by_light(self) -> tuple[np.ndarray, np.ndarray]:
@@ -159,8 +157,7 @@ class Surfaces:
         share = np.stack([1.0 - u - v, u, v], axis=1)
 
         def blended(values: np.ndarray) -> np.ndarray:
-            found: np.ndarray = np.einsum("nk,nk...->n...", share, values[corners].astype(np.float64))
-            return found
+            return np.asarray(np.einsum("nk,nk...->n...", share, values[corners].astype(np.float64)))
 
         a, b, c = (self.positions[corners[:, k]].astype(np.float64) for k in range(3))
         front = unit(np.cross(b - a, c - a))

@@ -93,5 +93,4 @@ def denoised(mask: np.ndarray, normal: np.ndarray, quality: str, E: np.ndarray) 
     for picture, values in zip(pictures, (np.maximum(E, 0.0), np.ones_like(normal), normal), strict=True):
         picture[mask] = values
     color, albedo, normals = pictures
-    found: np.ndarray = pyoidn.denoise(color, albedo, normals, hdr=True, clean_aux=True, quality=quality)[mask].astype(float)
-    return found
+    return np.asarray(pyoidn.denoise(color, albedo, normals, hdr=True, clean_aux=True, quality=quality)[mask].astype(float))

@@ -129,8 +129,7 @@ def at_points(
     points: positions, shading and geometric normals, (N, 3) each. side: as for `trace`. report: called with the finished share.
     """
     places = tuple(np.asarray(a, np.float64) for a in points)
-    mean: np.ndarray = _traced(Tracer(scene), places, side, bounces, 0, report).mean(0)
-    return mean
+    return np.asarray(_traced(Tracer(scene), places, side, bounces, 0, report).mean(0))
 
 
 def timed(scene: Scene, bounces: int, view: JudgedView, report: Callable[[float], object]) -> TimedLevels:
@@ -228,5 +227,4 @@ def distance_to(marked: np.ndarray) -> np.ndarray:
     from scipy import ndimage
 
     distance = ndimage.distance_transform_cdt(~marked, "chessboard") if marked.any() else np.full(marked.shape, 255)
-    found: np.ndarray = np.minimum(distance, 255).astype(np.uint8)
-    return found
+    return np.asarray(np.minimum(distance, 255).astype(np.uint8))

@@ -55,8 +55,7 @@ class Traced:
     @property
     def irradiance(self) -> np.ndarray:
         """(H, W, 3) indirect irradiance, by all samples."""
-        mean: np.ndarray = self.halves.mean(axis=0)
-        return mean
+        return np.asarray(self.halves.mean(axis=0))
 
     @property
     def picture(self) -> np.ndarray:
@@ -133,8 +132,7 @@ def spots(E: np.ndarray, E_ref: np.ndarray, valid: np.ndarray) -> float | None:
         return None
 
     def square(values: np.ndarray) -> np.ndarray:
-        found: np.ndarray = ndimage.uniform_filter(values, _AROUND, mode="constant")
-        return found
+        return np.asarray(ndimage.uniform_filter(values, _AROUND, mode="constant"))
 
     local = square(np.where(valid, Y_ref, 0.0))[valid] / square(valid.astype(float))[valid]
     return float(np.mean(np.abs(Y - Y_ref)[valid] > SPOT * local))

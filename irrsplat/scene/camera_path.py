@@ -134,8 +134,7 @@ def _view(around: list[Camera], w: np.ndarray, t: float) -> np.ndarray:
     right = around[1].axes[0]
     side = right if half @ right >= 0.0 else -right
     view = w @ views + 16.0 * (t * (1.0 - t)) ** 2 * swing * side
-    direction: np.ndarray = view / np.linalg.norm(view)
-    return direction
+    return np.asarray(view / np.linalg.norm(view))
 
 
 def _up(around: list[Camera], w: np.ndarray, t: float, view: np.ndarray) -> np.ndarray:
@@ -145,8 +144,7 @@ def _up(around: list[Camera], w: np.ndarray, t: float, view: np.ndarray) -> np.n
         return up
     key = around[1] if t < 0.5 else around[2]
     ahead, up = -key.axes[2], key.axes[1]
-    level: np.ndarray = up - (up @ view) / (1.0 + ahead @ view) * (ahead + view)  # by the smallest rotation from ahead to view
-    return level
+    return np.asarray(up - (up @ view) / (1.0 + ahead @ view) * (ahead + view))  # by the smallest rotation from ahead to view
 
 
 # ---- the text ------------------------------------------------------------------------------------------------------------

@@ -85,8 +85,7 @@ def emits(scene: Scene) -> np.ndarray:
     if scene.environment is not None:
         return np.ones(3, bool)
     sources = [scene.sky, scene.sky_gradient, *(mesh.material.emission for mesh in scene.meshes)]
-    found: np.ndarray = np.any(np.array(sources, float) != 0.0, axis=0)
-    return found
+    return np.asarray(np.any(np.array(sources, float) != 0.0, axis=0))
 
 
 def is_elsewhere(before: Mesh, after: Mesh) -> bool:

@@ -112,14 +112,12 @@ def sums_in_place(corners: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return (N,) the dot products of vectors (N, 3)."""
-    dots: np.ndarray = np.einsum("nx,nx->n", a, b)
-    return dots
+    return np.asarray(np.einsum("nx,nx->n", a, b))
 
 
 def _corners(mesh: Mesh) -> np.ndarray:
     """Return (F, 3, 3) float64, metres."""
-    corners: np.ndarray = mesh.positions[mesh.faces].astype(float)
-    return corners
+    return np.asarray(mesh.positions[mesh.faces].astype(float))
 
 
 # ---- clusters ------------------------------------------------------------------------------------------------------------
@@ -190,8 +188,7 @@ def _emission(mesh: Mesh) -> np.ndarray:
     if texture is None:
         return np.broadcast_to(plain, (len(mesh.faces), 3))
     uvs = np.zeros((len(mesh.positions), 4)) if mesh.uvs is None else mesh.uvs.astype(float)
-    mean: np.ndarray = plain * _mean_color(texture, uvs[:, 2 * texture.uv_set :][:, :2][mesh.faces])
-    return mean
+    return np.asarray(plain * _mean_color(texture, uvs[:, 2 * texture.uv_set :][:, :2][mesh.faces]))
 
 
 def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
@@ -231,5 +228,4 @@ def _texel(at: np.ndarray, size: int, wrap: Wrap) -> np.ndarray:
         at = at - np.floor(at)
     elif wrap == "mirror":
         at = 1.0 - np.abs(at - 2.0 * np.floor(0.5 * at) - 1.0)
-    texel: np.ndarray = np.clip((at * size).astype(int), 0, size - 1)
-    return texel
+    return np.asarray(np.clip((at * size).astype(int), 0, size - 1))

@@ -50,8 +50,7 @@ def sums_of_four(values: np.ndarray) -> np.ndarray:
     if height % 2 or width % 2:
         values = np.pad(values, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
     rows = values[::2] + values[1::2]
-    sums: np.ndarray = rows[:, ::2] + rows[:, 1::2]
-    return sums
+    return np.asarray(rows[:, ::2] + rows[:, 1::2])
 
 
 def half(pixels: np.ndarray, srgb_encoded: bool) -> np.ndarray:
@@ -81,8 +80,7 @@ def _weights(count: int, side: int) -> np.ndarray:
     edges = np.arange(side + 1) * (count / side)
     at = np.arange(count)
     share = np.minimum(edges[1:, None], at + 1.0) - np.maximum(edges[:-1, None], at)
-    weights: np.ndarray = (np.maximum(share, 0.0) * (side / count)).astype(np.float32)
-    return weights
+    return np.asarray((np.maximum(share, 0.0) * (side / count)).astype(np.float32))
 
 
 def _means_across(values: np.ndarray, side: int) -> np.ndarray:

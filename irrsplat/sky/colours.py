@@ -66,5 +66,4 @@ def sunlight(sine: float, turbidity: float) -> np.ndarray:
 def _unit_luminance(color: np.ndarray) -> np.ndarray:
     """Return colours (…, 3) clipped at 0 and scaled to luminance 1."""
     clipped = np.maximum(color, 0.0)
-    scaled: np.ndarray = clipped / (clipped @ LUMINANCE)[..., None]
-    return scaled
+    return np.asarray(clipped / (clipped @ LUMINANCE)[..., None])

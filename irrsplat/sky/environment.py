@@ -66,8 +66,7 @@ class Environment:
         """(3,) mean of `light` over the sphere."""
         height = len(self.light)
         weight = -0.5 * np.diff(np.cos(np.linspace(0.0, np.pi, height + 1)))
-        mean: np.ndarray = weight @ self.light.mean(1, dtype=float)
-        return mean
+        return np.asarray(weight @ self.light.mean(1, dtype=float))
 
     def seen(self, directions: np.ndarray, solid: np.ndarray | float = 0.0) -> np.ndarray:
         """Return (…, 3) visible radiance in unit directions (…, 3) of world space, each `solid` steradians wide."""
@@ -103,5 +102,4 @@ def _texel(image: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return (…, 3) nearest texels of an equirectangular map."""
     u, v = equirectangular(directions)
     height, width = image.shape[:2]
-    found: np.ndarray = image[np.minimum((v * height).astype(np.intp), height - 1), (u * width).astype(np.intp) % width]
-    return found
+    return np.asarray(image[np.minimum((v * height).astype(np.intp), height - 1), (u * width).astype(np.intp) % width])

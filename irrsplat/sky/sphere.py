@@ -66,8 +66,7 @@ def bilinear(image: np.ndarray, u: np.ndarray, v: np.ndarray, wrap: bool) -> np.
     upper, lower = (np.clip(top + i, 0, height - 1) for i in (0, 1))
     first = image[upper, columns[0]] * (1.0 - across) + image[upper, columns[1]] * across
     second = image[lower, columns[0]] * (1.0 - across) + image[lower, columns[1]] * across
-    found: np.ndarray = first * (1.0 - down) + second * down
-    return found
+    return np.asarray(first * (1.0 - down) + second * down)
 
 
 def pyramid(image: np.ndarray, least: int = 2) -> list[np.ndarray]:

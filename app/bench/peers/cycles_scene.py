@@ -40,8 +40,7 @@ def timed(
             E = _drawn(there, count, "Diffuse Indirect")
             if emits(scene).any():  # light of the sky and of emitters is part of E, light of point lights and of the sun is not
                 E = E + _without(lamps, lambda: _drawn(there, count, "Diffuse Direct"))
-            found: np.ndarray = np.pi * E[view.mask]
-            return found
+            return np.asarray(np.pi * E[view.mask])
 
         irradiance(1)  # makes the tree of the rays
         load = time.perf_counter() - start
@@ -161,5 +160,4 @@ def _drawn(there: Any, samples: int, layer: str) -> np.ndarray:
         for name, channel in picture.channels(part).items()
         if name.endswith(f".{layer}")
     )
-    values: np.ndarray = found.pixels[..., :3].astype(float)
-    return values
+    return np.asarray(found.pixels[..., :3].astype(float))

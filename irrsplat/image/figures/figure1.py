@@ -52,8 +52,7 @@ class ShownRecord:
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return (N, 3) points of the quad's plane, at (N,) multiples of half its side along u and v."""
-        points: np.ndarray = self.position + self.half_size * (u[:, None] * self.u + v[:, None] * self.v)
-        return points
+        return np.asarray(self.position + self.half_size * (u[:, None] * self.u + v[:, None] * self.v))
 
     @property
     def quad(self) -> np.ndarray:

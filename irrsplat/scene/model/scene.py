@@ -119,8 +119,7 @@ class Scene:
         if self.environment is not None:
             return self.environment.seen(directions, solid)
         rise = directions @ np.asarray(self.up)
-        radiance: np.ndarray = np.asarray(self.sky) + rise[..., None] * np.asarray(self.sky_gradient)
-        return radiance
+        return np.asarray(np.asarray(self.sky) + rise[..., None] * np.asarray(self.sky_gradient))
 
     @cached_property
     def bounds(self) -> np.ndarray:

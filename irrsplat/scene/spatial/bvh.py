@@ -226,8 +226,7 @@ def _split(
 def _area(boxes: np.ndarray) -> np.ndarray:
     """Return half the surface area of boxes (6, …); meaningless for empty ones."""
     x, y, z = -(boxes[:3] + boxes[3:])
-    area: np.ndarray = x * y + y * z + z * x
-    return area
+    return np.asarray(x * y + y * z + z * x)
 
 
 def _table(tree: _Tree, grid: np.ndarray) -> np.ndarray:

@@ -50,8 +50,7 @@ def in_the_dark(scene: Scene, unlit: Sequence[bool], eye: tuple[float, float, fl
 
 def in_box(points: np.ndarray, mesh: Mesh, margin: float = 0.0) -> np.ndarray:
     """Return (N,) True for points in the mesh's bounding box, enlarged by `margin` metres."""
-    found: np.ndarray = ((points >= mesh.bounds[0] - margin) & (points <= mesh.bounds[1] + margin)).all(1)
-    return found
+    return np.asarray(((points >= mesh.bounds[0] - margin) & (points <= mesh.bounds[1] + margin)).all(1))
 
 
 def enclosed(points: np.ndarray, normals: np.ndarray, mesh: Mesh) -> np.ndarray:

@@ -64,8 +64,7 @@ class SceneParts:
         """
         planes = np.stack([w + x, w - x, w + y, w - y, w])
         farthest = np.where(planes[:, None, :3] > 0.0, self.high, self.low)  # corner of each box farthest inward of each plane
-        inside: np.ndarray = ((farthest * planes[:, None, :3]).sum(-1) + planes[:, 3:] >= -_SLACK * far).all(0)
-        return inside
+        return np.asarray(((farthest * planes[:, None, :3]).sum(-1) + planes[:, 3:] >= -_SLACK * far).all(0))
 
     def runs(self, first: int, count: int, kinds: np.ndarray) -> Iterator[tuple[int, int, int]]:
         """Yield the kind, the first triangle and the number of triangles of successive parts of one kind.

@@ -110,8 +110,7 @@ def _way_out(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
     if length < 0.45 or abs(mean[1]) > length:
         return None
     way = level / length + np.array([0.0, 0.06, 0.0])
-    unit: np.ndarray = way / np.linalg.norm(way)
-    return unit
+    return np.asarray(way / np.linalg.norm(way))
 
 
 def _camera_in_room(points: SurfacePoints, axes: np.ndarray, rooms: list[tuple[np.ndarray, Surroundings]]) -> Camera | None:

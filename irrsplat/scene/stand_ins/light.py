@@ -85,8 +85,7 @@ def _emitted_power(mesh: Mesh) -> float:
 def mean_of(image: Image) -> np.ndarray:
     """Return (3,) the mean colour of an image in linear light, from a subset of its texels."""
     step = max(1, max(image.pixels.shape[:2]) // _MEAN_TEXELS)
-    mean: np.ndarray = linear_from_srgb(image.pixels[::step, ::step, :3] / 255.0).mean((0, 1))
-    return mean
+    return np.asarray(linear_from_srgb(image.pixels[::step, ::step, :3] / 255.0).mean((0, 1)))
 
 
 def _luminance(colour: Vector | np.ndarray) -> float:

@@ -72,8 +72,7 @@ def directions(axes: np.ndarray) -> np.ndarray:
     azimuth = (np.arange(_SECTORS) + 0.5) / _SECTORS * 2.0 * np.pi - np.pi
     level = np.sqrt(1.0 - rise**2)[:, None]
     x, z = level * np.cos(azimuth), level * np.sin(azimuth)
-    found: np.ndarray = np.stack([x, np.broadcast_to(rise[:, None], x.shape), z], -1) @ axes
-    return found
+    return np.asarray(np.stack([x, np.broadcast_to(rise[:, None], x.shape), z], -1) @ axes)
 
 
 def surface_points(scene: Scene) -> SurfacePoints:
