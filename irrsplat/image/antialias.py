@@ -21,7 +21,7 @@ from irrsplat.image.view import View
 from irrsplat.indirect.splat import splat_target
 from irrsplat.lighting.direct import direct_target
 from irrsplat.lighting.sky import sky_defines
-from irrsplat.scene.model import Camera, PictureCamera
+from irrsplat.scene.model import Camera
 
 _BASES = 2, 3, 5  # of the Halton sequence: x, y and the rotation
 _DRAWN = object()  # marks the end of a sample
@@ -168,9 +168,7 @@ def _radical_inverse(number: int, base: int) -> float:
     return value
 
 
-def jittered(camera: Camera, offset: tuple[float, float], size: tuple[int, int]) -> PictureCamera:
+def jittered(camera: Camera, offset: tuple[float, float], size: tuple[int, int]) -> Camera:
     """Return `camera` shifted so that pixel centres sample `offset`, in pixels right and up. size: (width, height) drawn."""
     whole = camera.whole(size)
-    shift = -offset[0] / whole[0], -offset[1] / whole[1]
-    part = camera.part if isinstance(camera, PictureCamera) else None
-    return PictureCamera(camera.eye, camera.target, camera.up, camera.fov, camera.name, shift, part)
+    return replace(camera, shift=(-offset[0] / whole[0], -offset[1] / whole[1]))

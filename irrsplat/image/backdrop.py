@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.image.tonemap import tonemap
 from irrsplat.lighting.sky import SkyMaps, sky_uniforms
-from irrsplat.scene.model import Camera, PictureCamera, Scene
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
 BackdropKind = Literal["sky", "grey", "black", "white", "clear"]
@@ -88,7 +88,7 @@ def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
     """
     right, up, backward = camera.axes
     step, whole = camera.pixel(size), camera.whole(size)
-    shift = np.asarray(camera.shift if isinstance(camera, PictureCamera) else (0.0, 0.0)) * whole  # pixels of the picture
+    shift = np.asarray(camera.shift) * whole  # pixels of the picture
     corner = -backward - step * ((0.5 * whole[0] + shift[0]) * right + (0.5 * whole[1] + shift[1]) * up)
     return np.stack([step * right, step * up, corner], axis=1)
 

@@ -5,7 +5,7 @@ Constructors check their arguments, so that the rest of the program can rely on 
 
 from __future__ import annotations
 
-from irrsplat.scene.model.camera import Camera, Part, PictureCamera, measure, part_drawn, part_of
+from irrsplat.scene.model.camera import Camera, Part, measure, part_drawn, part_of
 from irrsplat.scene.model.lights import Light, Photometry, sun_lights
 from irrsplat.scene.model.scene import Scene
 from irrsplat.scene.model.surfaces import AlphaMode, Image, Material, Mesh, Texture, Wrap
@@ -19,7 +19,6 @@ __all__ = [
     "Mesh",
     "Part",
     "Photometry",
-    "PictureCamera",
     "Scene",
     "Texture",
     "Wrap",

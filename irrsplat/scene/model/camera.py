@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import vector
 from irrsplat.scene.model.checks import check_type, checked, checked_number, put
 
-_GREATEST_COORDINATE = 1e24  # of a camera's numbers; allows the distant eye of a nearly parallel projection
+_FARTHEST = 1e24  # of a camera's numbers; allows the distant eye of a nearly parallel projection
 _WIDEST_RATIO = 2.4  # ratio of the longer to the shorter side above which a picture is a strip
 
 
@@ -30,9 +30,30 @@ def measure(size: tuple[int, int]) -> float:
 
 
 @dataclass(frozen=True)
+class Part:
+    """A rectangle of a picture of size `whole` (width, height): `size` and lower left `corner` in pixels.
+
+    It may extend beyond the picture, into its plane.
+    """
+
+    whole: tuple[int, int]
+    corner: tuple[int, int]
+    size: tuple[int, int]
+
+    def cropped(self, clip: np.ndarray) -> np.ndarray:
+        """Return (4, 4) the clip space of this part, from a matrix (4, 4) to that of the whole picture."""
+        matrix = clip.copy()
+        for axis in (0, 1):
+            whole, corner, side = self.whole[axis], self.corner[axis], self.size[axis]
+            matrix[axis] = clip[axis] * (whole / side) + clip[3] * ((whole - 2 * corner) / side - 1.0)
+        return matrix
+
+
+@dataclass(frozen=True)
 class Camera:
     """A pinhole camera: `eye`, `target` and `up` as in gluLookAt (world space), `fov` vertical in degrees.
 
+    shift: of its picture, in widths to the right and heights up. part: the drawn part of its picture; None: all of it.
     Raises InputError for an invalid camera.
     """
 
@@ -41,12 +62,12 @@ class Camera:
     up: tuple[float, float, float] = (0.0, 1.0, 0.0)
     fov: float = 45.0
     name: str = ""
+    shift: tuple[float, float] = field(default=(0.0, 0.0), repr=False)
+    part: Part | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("eye", "target", "up"):
-            put(
-                self, **{name: checked(f"a camera's {name}", getattr(self, name), 3, -_GREATEST_COORDINATE, _GREATEST_COORDINATE)}
-            )
+            put(self, **{name: checked(f"a camera's {name}", getattr(self, name), 3, -_FARTHEST, _FARTHEST)})
         put(self, fov=checked_number("a camera's field of view", self.fov))
         check_type("a camera's name", self.name, str)
         if not 0.0 < self.fov < 180.0:
@@ -70,11 +91,11 @@ class Camera:
 
     def whole(self, size: tuple[int, int]) -> tuple[int, int]:
         """Return the size (width, height) of the whole picture, of which a part of `size` is drawn."""
-        return size
+        return size if self.part is None else self.part.whole
 
     def corner(self) -> tuple[int, int]:
         """Return the lower left corner of the drawn part within the whole picture, in pixels."""
-        return 0, 0
+        return (0, 0) if self.part is None else self.part.corner
 
     def pixel(self, size: tuple[int, int]) -> float:
         """Return the side of a pixel at distance 1 from the eye, in metres, for a drawn part of `size`."""
@@ -103,9 +124,11 @@ class Camera:
         return matrix
 
     def clip_from_view(self, aspect: float, near: float, far: float) -> np.ndarray:
-        """Return (4, 4) float64, as gluPerspective with this camera's vertical field of view."""
-        f = 1.0 / np.tan(np.radians(self.fov) / 2.0)
-        return np.array(
+        """Return (4, 4) float64, as gluPerspective with this camera's vertical field of view; aspect: of the drawn part."""
+        part, f = self.part, 1.0 / np.tan(np.radians(self.fov) / 2.0)
+        if part is not None:
+            aspect = part.whole[0] / part.whole[1]
+        matrix = np.array(
             [
                 [f / aspect, 0.0, 0.0, 0.0],
                 [0.0, f, 0.0, 0.0],
@@ -113,55 +136,13 @@ class Camera:
                 [0.0, 0.0, -1.0, 0.0],
             ]
         )
-
-
-@dataclass(frozen=True)
-class Part:
-    """A rectangle of a picture of size `whole` (width, height): `size` and lower left `corner` in pixels.
-
-    It may extend beyond the picture, into its plane.
-    """
-
-    whole: tuple[int, int]
-    corner: tuple[int, int]
-    size: tuple[int, int]
-
-    def cropped(self, clip: np.ndarray) -> np.ndarray:
-        """Return (4, 4) the clip space of this part, from a matrix (4, 4) to that of the whole picture."""
-        matrix = clip.copy()
-        for axis in (0, 1):
-            whole, corner, side = self.whole[axis], self.corner[axis], self.size[axis]
-            matrix[axis] = clip[axis] * (whole / side) + clip[3] * ((whole - 2 * corner) / side - 1.0)
-        return matrix
-
-
-@dataclass(frozen=True)
-class PictureCamera(Camera):
-    """A camera with a picture shifted by `shift`, in widths to the right and heights up, or a part of a camera's picture."""
-
-    shift: tuple[float, float] = (0.0, 0.0)
-    part: Part | None = None
-
-    def whole(self, size: tuple[int, int]) -> tuple[int, int]:
-        """Return the size of the whole picture, as Camera.whole."""
-        return size if self.part is None else self.part.whole
-
-    def corner(self) -> tuple[int, int]:
-        """Return the corner of the drawn part, as Camera.corner."""
-        return (0, 0) if self.part is None else self.part.corner
-
-    def clip_from_view(self, aspect: float, near: float, far: float) -> np.ndarray:
-        """Return (4, 4) float64, off-centre; aspect: of the drawn part."""
-        part = self.part
-        matrix = super().clip_from_view(aspect if part is None else part.whole[0] / part.whole[1], near, far)
         matrix[:2, 2] -= 2.0 * np.asarray(self.shift)
         return matrix if part is None else part.cropped(matrix)
 
 
-def part_of(camera: Camera, part: Part) -> PictureCamera:
+def part_of(camera: Camera, part: Part) -> Camera:
     """Return `camera` for drawing only `part` of its picture."""
-    shift = camera.shift if isinstance(camera, PictureCamera) else (0.0, 0.0)
-    return PictureCamera(camera.eye, camera.target, camera.up, camera.fov, camera.name, shift, part)
+    return replace(camera, part=part)
 
 
 def part_drawn(camera: Camera, size: tuple[int, int]) -> Part:
