@@ -14,7 +14,7 @@ import pytest
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.scene import load
-from irrsplat.scene.io.creases import crease_normals
+from irrsplat.scene.io.mesh_builder import crease_normals
 from irrsplat.scene.io.obj.polygons import triangulate
 from irrsplat.scene.io.obj.reader import load_obj
 from irrsplat.scene.model import Mesh, Scene

@@ -14,9 +14,8 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
 from irrsplat.core.vectors import vector
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.defaults import finish
-from irrsplat.scene.io.mesh_builder import Part, build_meshes
+from irrsplat.scene.io.mesh_builder import Part, build_meshes, crease_normals
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 from irrsplat.scene.model.checks import check_type, checked
 from irrsplat.scene.motion import affine

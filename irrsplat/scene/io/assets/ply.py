@@ -14,8 +14,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
 from irrsplat.core.words import GREATEST, quote
-from irrsplat.scene.io.creases import crease_normals
-from irrsplat.scene.io.mesh_builder import Part
+from irrsplat.scene.io.mesh_builder import Part, crease_normals
 from irrsplat.scene.io.obj.polygons import triangulate
 from irrsplat.scene.io.obj.text import decoded, floats
 

@@ -14,8 +14,7 @@ from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
 from irrsplat.core.vectors import as_float32
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.io.creases import crease_normals
-from irrsplat.scene.io.mesh_builder import Part, welded
+from irrsplat.scene.io.mesh_builder import Part, crease_normals, welded
 
 
 def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:

@@ -9,9 +9,8 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.words import quote
-from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.images import find_file
-from irrsplat.scene.io.mesh_builder import Part
+from irrsplat.scene.io.mesh_builder import Part, crease_normals
 from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries, name_without_comment
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.model import Material
