@@ -11,7 +11,6 @@ from irrsplat.core.vectors import Vector, vector
 from irrsplat.scene.model import Camera, Light, Mesh, Scene, sun_lights
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.scene.stand_ins import camera, light
-from irrsplat.scene.stand_ins.subject import subject
 from irrsplat.scene.stand_ins.surroundings import surface_points
 from irrsplat.scene.stand_ins.up_axis import axes, nearest_axis
 from irrsplat.sky.environment import frame_of
@@ -51,7 +50,7 @@ def finish(
     scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files, *given.files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
     scene = replace(scene, up=vector(world[1] + 0.0), own_sky=sky is not None or up is None)
-    main_part = scene if cameras else subject(scene)
+    main_part = scene if cameras else camera.subject(scene)
     if up is not None or not cameras:  # otherwise neither camera nor light depends on rooms
         points = surface_points(main_part)
         room_places = camera.room_places(main_part, points, world)
