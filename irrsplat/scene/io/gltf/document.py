@@ -42,7 +42,7 @@ READ_ERRORS = (InputError, ValueError, LookupError, TypeError, AttributeError, A
 class Document:
     """A glTF file, whose buffers are read at their first use.
 
-    tree: the JSON. chunk: the binary chunk of a GLB. size: bytes of all files read. files: those apart from `path`.
+    tree: the JSON. chunk: the binary chunk of a GLB. size: bytes of all files read. contents: of those apart from `path`.
     lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: unsupported features.
     unpacked: the bytes of compressed buffer views, by index. per_unit: watts of a unit of light.
     """
@@ -52,13 +52,12 @@ class Document:
     chunk: bytes | None = None
     per_unit: float = 1.0
     size: int = 0
-    files: list[Path] = field(default_factory=list)
+    contents: dict[Path, bytes] = field(default_factory=dict)
     lost: dict[str, list[str]] = field(default_factory=dict)
     absent: dict[str, None] = field(default_factory=dict)
     unshown: dict[str, None] = field(default_factory=dict)
     unpacked: dict[object, np.ndarray] = field(default_factory=dict)
     _buffers: dict[int, memoryview | Damaged] = field(default_factory=dict)
-    _contents: dict[Path, bytes] = field(default_factory=dict)
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
@@ -77,7 +76,7 @@ class Document:
 
     def notices(self) -> list[str]:
         """Return a line for each reason of losses, one for missing images, and one for unsupported features."""
-        lines = [self.loss_line(reason) for reason in self.lost]
+        lines = [f"{self.path}: {self.loss(reason)}" for reason in self.lost]
         if self.absent:
             first, *others = self.absent
             more = f" and {len(others)} more images are missing; surfaces are shown without them" if others else " is missing"
@@ -86,11 +85,11 @@ class Document:
             lines.append(f"{self.path}: not shown: {', '.join(self.unshown)}")
         return lines
 
-    def loss_line(self, reason: str) -> str:
-        """Return one line about the parts that are left out for this reason."""
+    def loss(self, reason: str) -> str:
+        """Return the parts that are left out for this reason, in words."""
         first, *others = self.lost[reason]
         more = f" and {len(others)} more part{'s' * (len(others) > 1)} are" if others else " is"
-        return f"{self.path}: {first}{more} left out: {reason}"
+        return f"{first}{more} left out: {reason}"
 
     def entries(self, kind: str, inside: object = None) -> list[Any]:
         """Return the list called `kind` of the file or of one of its objects; empty if missing."""
@@ -142,11 +141,10 @@ class Document:
         file = find_file(self.path.parent, uri)
         if file is None:
             raise Missing(name)
-        if file not in self._contents:
-            self._contents[file] = read_bytes(file, MOST_GEOMETRY)
-            self.size += len(self._contents[file])
-            self.files.append(file)
-        return self._contents[file], name
+        if file not in self.contents:
+            self.contents[file] = read_bytes(file, MOST_GEOMETRY)
+            self.size += len(self.contents[file])
+        return self.contents[file], name
 
     def buffer_name(self, index: int) -> str:
         """Return the name of a buffer's file for messages."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,23 +11,10 @@ import numpy as np
 from irrsplat.scene.io.gltf import accessors
 from irrsplat.scene.io.gltf.document import Damaged, Document, extension
 from irrsplat.scene.io.gltf.packed import DRACO, draco
+from irrsplat.scene.io.mesh_builder import Part
 
 _MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines"}
 _STRIP, _FAN = 5, 6
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """Triangles of a primitive, with used vertices only.
-
-    positions: (V, 3). corners: (F, 3). normals: (V, 3) or None. uvs: (V, 4) or None. colors: (V, 3 or 4) linear or None.
-    """
-
-    positions: np.ndarray
-    corners: np.ndarray
-    normals: np.ndarray | None = None
-    uvs: np.ndarray | None = None
-    colors: np.ndarray | None = None
 
 
 class Attributes:
@@ -50,7 +37,7 @@ class Attributes:
             raise Damaged(f"a face refers to vertex {corners.max()} (from 0), but there are {number} vertices")
         if self.invalid_faces:
             corners = corners[there]
-        self.shapes: dict[bytes, Geometry] = {}
+        self.shapes: dict[bytes, Part] = {}
         used = np.zeros(number if corners.size else 0, bool)
         used[corners] = True
         self.rows = np.flatnonzero(used)
@@ -127,8 +114,8 @@ def kind_without_triangles(primitive: Mapping[str, Any]) -> str | None:
     return _MODES.get(mode) if isinstance(mode, int) else None
 
 
-def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) -> Geometry:
-    """Return the triangles at the given morph weights (W,), before any skin; raise Damaged."""
+def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) -> Part:
+    """Return the triangles at the given morph weights (W,), before any skin; colors: (V, 3 or 4) linear. Raise Damaged."""
     positions = attributes.floats("POSITION", (3,))
     if positions is None:
         raise Damaged("it has no positions")
@@ -141,10 +128,10 @@ def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) 
         positions = positions + attributes.morph_offset("POSITION", weights)
         normals = None if normals is None else normals + attributes.morph_offset("NORMAL", weights)
         colors = None if colors is None else colors + attributes.morph_offset("COLOR_0", weights)
-    return Geometry(positions, attributes.corners, normals, uvs, colors)
+    return Part(positions, attributes.corners, normals, colors=colors, uvs=uvs)
 
 
-def skinned(geometry: Geometry, attributes: Attributes, joints: np.ndarray) -> Geometry:
+def skinned(geometry: Part, attributes: Attributes, joints: np.ndarray) -> Part:
     """Return the triangles in world space, deformed by a skin, with the same winding.
 
     joints: (J, 4, 4) world_from_vertex of each joint, its inverse bind matrix included. Raises Damaged.

@@ -22,7 +22,7 @@ from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
 from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, printable, read
-from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
+from irrsplat.scene.io.gltf.geometry import Attributes, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
 from irrsplat.scene.io.mesh_builder import Part, build_meshes
@@ -90,7 +90,7 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
         sky,
         {str(path): reader.degenerate},
         document.notices(),
-        document.files,
+        list(document.contents),
         up,
         origin,
     )
@@ -153,9 +153,7 @@ class _Reader:
         """Return the reason why `meshes` finds none, for an error."""
         lost = self.document.lost
         if lost:
-            return self.document.loss_line(max(lost, key=lambda reason: len(lost[reason]))).removeprefix(
-                f"{self.document.path}: "
-            )
+            return self.document.loss(max(lost, key=lambda reason: len(lost[reason])))
         others = [kind for kind in self.document.unshown if kind in ("points", "lines")]
         if others:
             return f"there are no triangles in this file, only {' and '.join(others)}"
@@ -177,17 +175,14 @@ class _Reader:
         shape = self._without_invalid(shape, node_name)
         material = self._materials.mesh_material(surface, shape.colors)
         colors, opacities = _vertex_colors(shape.colors, surface)
-        shape, matrix = _placed(shape, places)
+        shape = _placed(shape, places)
         repeat = len(shape.positions) // max(1, len(attributes.rows))
         colors, opacities, uvs = (
             np.tile(array, (repeat, 1) if array.ndim == 2 else repeat) if array is not None and repeat > 1 else array
             for array in (colors, opacities, shape.uvs if material.textures else None)
         )
-        return Part(
-            shape.positions,
-            shape.corners,
-            shape.normals,
-            matrix=matrix,
+        return replace(
+            shape,
             material=material,
             colors=colors,
             name=label,
@@ -212,7 +207,7 @@ class _Reader:
             take_copies(len(found.rows))
         return found
 
-    def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, attributes: Attributes, surface: Surface) -> Geometry:
+    def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, attributes: Attributes, surface: Surface) -> Part:
         """Return the triangles of the i-th primitive of a node's mesh, with its morph targets at the node's weights; raise
         Damaged."""
         targets = self.document.entries("targets", entry["primitives"][i])
@@ -236,7 +231,7 @@ class _Reader:
             matrices = matrices @ binds.reshape(-1, 4, 4).transpose(0, 2, 1)
         return matrices
 
-    def _without_invalid(self, shape: Geometry, node_name: str) -> Geometry:
+    def _without_invalid(self, shape: Part, node_name: str) -> Part:
         """Return the geometry without triangles whose vertices are not finite or exceed float32; other such vertices become 0."""
         positions, corners, others = shape.positions, shape.corners, (shape.normals, shape.uvs, shape.colors)
         good = (np.abs(positions) <= GREATEST).all(1)  # false for NaN
@@ -247,7 +242,8 @@ class _Reader:
                 self.document.leave_out(part, "its vertices are not finite")
             positions, corners = np.where(good[:, None], positions, 0.0), corners[keep]
         rest = (a if a is None or np.isfinite(a).all() else np.nan_to_num(a, posinf=0.0, neginf=0.0) for a in others)
-        return Geometry(positions, corners, *rest)
+        normals, uvs, colors = rest
+        return Part(positions, corners, normals, colors=colors, uvs=uvs)
 
 
 def _vertex_colors(colors: np.ndarray | None, surface: Surface) -> tuple[np.ndarray | None, np.ndarray | None]:
@@ -261,15 +257,15 @@ def _vertex_colors(colors: np.ndarray | None, surface: Surface) -> tuple[np.ndar
     return albedo, np.clip(colors[:, 3] * surface.factor[3], 0.0, 1.0) if colors.shape[1] == 4 else None
 
 
-def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
-    """Return the geometry and its matrix (4, 4); copies at several places (N, 4, 4) become one geometry.
+def _placed(shape: Part, places: np.ndarray) -> Part:
+    """Return the geometry with its matrix; copies at several places (N, 4, 4) become one geometry.
 
     Mirrored triangles are wound the other way. A singular matrix is applied here, without normals.
     Raises Damaged where the geometry collapses at every place.
     """
     determinants = np.linalg.det(places[:, :3, :3])
     if len(places) == 1 and determinants[0] != 0.0:
-        return (replace(shape, corners=shape.corners[:, ::-1]) if determinants[0] < 0.0 else shape), places[0]
+        return replace(shape, corners=shape.corners[:, :: -1 if determinants[0] < 0.0 else 1], matrix=places[0])
     places = places[np.isfinite(determinants) & (np.linalg.matrix_rank(np.nan_to_num(places[:, :3, :3])) >= 2)]
     determinants = np.linalg.det(places[:, :3, :3])
     number = len(shape.positions)
@@ -284,4 +280,4 @@ def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
     if shape.normals is not None and (determinants != 0.0).all():
         turned = cofactors(places[:, :3, :3]) * np.sign(determinants)[:, None, None]
         normals = np.concatenate([times(shape.normals, turn) for turn in turned])
-    return replace(shape, positions=positions, corners=corners, normals=normals), np.eye(4)
+    return replace(shape, positions=positions, corners=corners, normals=normals)
