@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from irrsplat.core import paths
@@ -62,19 +62,14 @@ def load(
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
     path = located(source)
-    read = _reader(path.suffix.lower())
+    ending = path.suffix.lower()
     with within(path, options.allow):
-        return read(path, options)
+        if ending == ".scene":
+            return load_text(path, options)
+        if ending in (".glb", ".gltf"):
+            from irrsplat.scene.io.gltf.reader import load_gltf
 
+            return load_gltf(path, options)
+        from irrsplat.scene.io.assets.asset import load_asset
 
-def _reader(ending: str) -> Callable[[Path, LoadOptions], Scene]:
-    """Return the reader for files of this ending."""
-    if ending == ".scene":
-        return load_text
-    if ending in (".glb", ".gltf"):
-        from irrsplat.scene.io.gltf.reader import load_gltf
-
-        return load_gltf
-    from irrsplat.scene.io.assets.asset import load_asset
-
-    return load_asset
+        return load_asset(path, options)

@@ -30,8 +30,6 @@ class SceneChange:
     @classmethod
     def between(cls, old: Scene, new: Scene) -> SceneChange:
         """Return the change from `old` to `new`."""
-        if old is new:
-            return cls(old, new, (), relit=False)
         pairs = list(zip(old.meshes, new.meshes, strict=True))
         moved = tuple(i for i, (a, b) in enumerate(pairs) if is_elsewhere(a, b))
         repainted = tuple(i for i, (a, b) in enumerate(pairs) if a is not b and a.material != b.material)
@@ -90,7 +88,5 @@ def emits(scene: Scene) -> np.ndarray:
 
 def is_elsewhere(before: Mesh, after: Mesh) -> bool:
     """True if a mesh's vertices or faces changed; a repainted mesh shares these arrays with the former one."""
-    if before is after:
-        return False
     shared = before.positions is after.positions and before.normals is after.normals and before.faces is after.faces
     return not shared

@@ -7,7 +7,6 @@ import numpy as np
 from irrsplat.core.color import linear_from_srgb, srgb
 
 _CHUNK_PIXELS = 1 << 16  # pixels that are decoded together; they fit the processor's cache
-
 _CHUNK_ROWS = 32  # rows of pixels that are processed together by `half`, for the same reason
 _LINEAR_STEPS = 65535  # linear values between 0 and 1: resolves the darkest sRGB colours
 _BYTES = np.arange(256) / 255.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import may_read, refusal
-from irrsplat.core.words import GREATEST, number, quote
+from irrsplat.core.words import number, quote
 from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.model import Photometry
 
@@ -68,21 +68,14 @@ class _Numbers:
             found = f", after {len(self._words) - start} of {count}" if count > 1 else ""
             end = max((i + 1 for i, line in enumerate(self._text) if line.strip()), default=1)
             raise InputError(f"the file ends in {what}{found}; it is cut off, or one of its counts is wrong", self.path, end)
-        self._next = stop
-        words = self._words[start:stop]
-        try:
-            values = np.fromiter(map(float, words), float, count)
-            if (np.abs(values) <= GREATEST).all() and not any("_" in word for word in words):
-                return values
-        except ValueError:
-            pass
-        for k, word in enumerate(words, start + 1):
+        values = np.empty(count)
+        for k, word in enumerate(self._words[start:stop]):
+            self._next += 1
             try:
-                number(word)
+                values[k] = number(word)
             except ValueError as error:
-                self._next = k
                 raise self.error(f"{error}; expected {what}") from None
-        raise AssertionError("a number is refused without a reason")
+        return values
 
     def finish(self, where: str) -> None:
         """Raise InputError for surplus numbers."""

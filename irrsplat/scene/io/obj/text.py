@@ -11,7 +11,6 @@ import numpy as np
 
 VERTEX, NORMAL, COORDINATE, FACE, OTHER = range(5)
 KEYWORDS = (b"v", b"vn", b"vt", b"f")
-_MOST_INDENTATION = 64  # characters of indentation that are skipped for all lines together
 _BLANKS = bytes(c if c > 32 else 32 for c in range(256))  # every control character is a blank
 
 
@@ -56,14 +55,9 @@ def find_lines(path: Path, data: bytes) -> Lines:
     end = np.flatnonzero(code == 10)
     start = np.concatenate([[0], end[:-1] + 1])
     indented = np.flatnonzero((code[start] <= 32) & (start < end))
-    for _ in range(_MOST_INDENTATION):
-        if not len(indented):
-            break
-        start[indented] += 1
-        indented = indented[(code[start[indented]] <= 32) & (start[indented] < end[indented])]
-    for i in indented.tolist():
-        rest = data[start[i] : end[i]].translate(_BLANKS)
-        start[i] += len(rest) - len(rest.lstrip(b" "))
+    if len(indented):
+        word = np.append(np.flatnonzero((code[:-1] <= 32) & (code[1:] > 32)) + 1, len(code))
+        start[indented] = np.minimum(word[np.searchsorted(word, start[indented])], end[indented])
     first = code[start]
     kept = (start < end) & (first != ord("#"))
     start, end, first = start[kept], end[kept], first[kept]
