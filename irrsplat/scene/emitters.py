@@ -202,7 +202,9 @@ def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
     one, two = ((at[:, k] - at[:, 0]) * (width, height) for k in (1, 2))
     texels = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / _POINTS**2
     level = np.maximum(np.log2(np.maximum(texels, 1.0)) / 2.0, 0.0).astype(int)
-    shares = _barycentric_samples()
+    x, y = ((k.ravel() + 0.5) / _POINTS for k in np.indices((_POINTS, _POINTS)))
+    root = np.sqrt(x)
+    shares = np.stack([1.0 - root, root * (1.0 - y), root * y], axis=-1)  # barycentric, evenly spread over a triangle
     mean = np.zeros((len(uvs), 3))
     image = linear_from_srgb(texture.image.pixels[..., :3].astype(np.float32) / np.float32(255.0))
     for number in range(int(level.max(initial=0)) + 1):
@@ -213,13 +215,6 @@ def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
             mean[rows] = image[y, x].mean(axis=1)
         image = sums_of_four(image) * np.float32(0.25)
     return mean
-
-
-def _barycentric_samples() -> np.ndarray:
-    """Return (_POINTS², 3) barycentric coordinates of points that are spread evenly over a triangle."""
-    u, v = ((x.ravel() + 0.5) / _POINTS for x in np.indices((_POINTS, _POINTS)))
-    root = np.sqrt(u)
-    return np.stack([1.0 - root, root * (1.0 - v), root * v], axis=-1)
 
 
 def _texel(at: np.ndarray, size: int, wrap: Wrap) -> np.ndarray:

@@ -57,8 +57,6 @@ def posed(present: Scene, pose: Scene) -> Scene:
 
 def _posed(mesh: Mesh, present: Mesh) -> Mesh:
     """Return `mesh`, or its `present` state where that is equal."""
-    if mesh is present:
-        return present
     if is_elsewhere(mesh, present) and not (
         np.array_equal(mesh.positions, present.positions) and np.array_equal(mesh.faces, present.faces)
     ):

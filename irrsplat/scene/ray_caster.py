@@ -22,6 +22,7 @@ _LEAST_RAYS = 1 << 12  # rays below which the overhead of a call dominates
 _LAYERS = 64  # greatest number of holes that a ray passes
 _BEHIND = 1e-5  # of the greatest coordinate: how far behind a hole the search continues
 _FAR = 1e30  # metres: the end of rays that end nowhere
+_PROCESSORS = os.cpu_count() or 1  # the system takes 30 µs to count them
 
 
 def available() -> bool:
@@ -32,18 +33,12 @@ def available() -> bool:
 @cache
 def _threads() -> ThreadPoolExecutor:
     """Return the threads of all casters; embreex releases the interpreter lock while it traces."""
-    return ThreadPoolExecutor(_processors(), "irrsplat-rays")
-
-
-@cache
-def _processors() -> int:
-    """Return the number of processors; the system takes 30 µs to count them."""
-    return os.cpu_count() or 1
+    return ThreadPoolExecutor(_PROCESSORS, "irrsplat-rays")
 
 
 def _rays_per_call(rays: int) -> int:
     """Return the number of rays per call of a thread, of `rays` in all."""
-    return min(max(-(-rays // _processors()), _LEAST_RAYS), _MOST_RAYS)
+    return min(max(-(-rays // _PROCESSORS), _LEAST_RAYS), _MOST_RAYS)
 
 
 class RayCaster:

@@ -67,9 +67,7 @@ def enclosed(points: np.ndarray, normals: np.ndarray, mesh: Mesh) -> np.ndarray:
             tried[some] += 1
             freed = some[_exits(points[some], direction, mesh) < 1.0]
             left = np.setdiff1d(left, freed, assume_unique=True)
-    found = np.zeros(len(points), bool)
-    found[left] = True
-    return found
+    return np.isin(np.arange(len(points)), left)
 
 
 def _exits(points: np.ndarray, direction: np.ndarray, mesh: Mesh) -> np.ndarray:
@@ -91,6 +89,4 @@ def _exits(points: np.ndarray, direction: np.ndarray, mesh: Mesh) -> np.ndarray:
         sign = np.where((shares > 0.0).all(0), 1.0, np.where((shares < 0.0).all(0), -1.0, 0.0))  # +1: back-facing
         height = (shares * np.stack([a[:, 2], b[:, 2], c[:, 2]])).sum(0) * sign
         exits += np.bincount(place, np.where(height > 0.0, sign, 0.0), len(points))
-    found = np.zeros(len(points))
-    found[order] = exits
-    return found
+    return exits[np.argsort(order)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.core.vectors import Vector, triangle_areas, vector
-from irrsplat.scene.model import Camera, Image, Light, Mesh, Scene
+from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.scene.stand_ins.surroundings import Surroundings
 
 Enclosure = Literal["none", "half", "closed"]
@@ -74,18 +74,15 @@ def _emitted_power(mesh: Mesh) -> float:
     material = mesh.material
     if not any(material.emission):
         return 0.0
-    texture = material.emission_texture
-    colour = np.asarray(material.emission) * (1.0 if texture is None else mean_of(texture.image))
+    texture, colour = material.emission_texture, np.asarray(material.emission)
+    if texture is not None:
+        pixels = texture.image.pixels
+        step = max(1, max(pixels.shape[:2]) // _MEAN_TEXELS)
+        colour = colour * linear_from_srgb(pixels[::step, ::step, :3] / 255.0).mean((0, 1))
     if material.unlit and mesh.colors is not None and len(mesh.colors):
         colour = colour * mesh.colors.mean(axis=0)
     area = float(triangle_areas(mesh.positions[mesh.faces].astype(float)).sum())
     return 2.0 * math.pi * area * _luminance(colour)
-
-
-def mean_of(image: Image) -> np.ndarray:
-    """Return (3,) the mean colour of an image in linear light, from a subset of its texels."""
-    step = max(1, max(image.pixels.shape[:2]) // _MEAN_TEXELS)
-    return np.asarray(linear_from_srgb(image.pixels[::step, ::step, :3] / 255.0).mean((0, 1)))
 
 
 def _luminance(colour: Vector | np.ndarray) -> float:

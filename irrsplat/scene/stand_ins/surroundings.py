@@ -101,11 +101,9 @@ def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Sur
     order = np.argsort(-distance)  # the nearest is written last
     nearest = np.full(_RINGS * _SECTORS, -1)
     nearest[cell[order]] = order
-    found = np.full(len(nearest), np.inf)
-    facing = np.zeros(len(nearest), bool)
     hit = nearest >= 0
-    found[hit] = distance[nearest[hit]]
-    facing[hit] = (points.normal[nearest[hit]] * way[nearest[hit]]).sum(1) < 0.0
+    found = np.where(hit, distance[nearest], np.inf)
+    facing = hit & ((points.normal[nearest] * way[nearest]).sum(1) < 0.0)
     return _filled(found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS), _GAP_SPACINGS * points.spacing)
 
 
