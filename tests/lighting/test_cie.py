@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
-from irrsplat.sky.cie import SUN_DIAMETER, CieKind, CieSky
-from irrsplat.sky.colours import clear_sky, sunlight
+from irrsplat.sky.cie import SUN_DIAMETER, CieKind, CieSky, clear_sky, sunlight
 from irrsplat.sky.sky_text import sun_position
 from irrsplat.sky.sphere import solid_angles, texel_directions
 from tests.support.skies import irradiance

@@ -13,7 +13,7 @@ from irrsplat.core.color import LUMINANCE, photometric
 from irrsplat.core.vectors import box, triangle_areas, vector
 from irrsplat.scene.appearance import order
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
-from irrsplat.sky.colours import of_chromaticity
+from irrsplat.sky.cie import of_chromaticity
 
 
 def object_name(scene: Scene, number: int) -> str:
