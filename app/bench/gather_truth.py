@@ -55,11 +55,9 @@ def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gathe
     return found if len(found.pixels) else None
 
 
-def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:
-    """Return the reference in a file, None without a file; raise one of files.DAMAGE for another view."""
+def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth:
+    """Return the reference in a file; raise FileNotFoundError without a file, one of files.DAMAGE for another view."""
     arrays = disk_cache.read(path)
-    if arrays is None:
-        return None
     pixels, irradiance = arrays["pixels"], arrays["irradiance"]
     whole = pixels.ndim == 2 and pixels.shape[1] == 2 and pixels.dtype.kind == "i"
     if not whole or irradiance.shape != (len(pixels), 3) or not np.isfinite(irradiance).all():

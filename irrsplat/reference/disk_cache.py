@@ -37,13 +37,10 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
     return hashed(repr((exact, stamp(scene).geometry, lights, bends)).encode())[:24]
 
 
-def read(path: Path) -> dict[str, np.ndarray] | None:
-    """Return the arrays in a file by name, None for a missing file; raises one of files.DAMAGE for a damaged one."""
-    try:
-        with np.load(path, allow_pickle=False) as data:  # zip's check sums detect changed bits
-            return {name: data[name] for name in data.files}
-    except FileNotFoundError:
-        return None
+def read(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays in a file by name; raises FileNotFoundError for a missing file, one of files.DAMAGE for a damaged one."""
+    with np.load(path, allow_pickle=False) as data:  # zip's check sums detect changed bits
+        return {name: data[name] for name in data.files}
 
 
 def write(path: Path, arrays: dict[str, np.ndarray]) -> None:
@@ -53,7 +50,7 @@ def write(path: Path, arrays: dict[str, np.ndarray]) -> None:
     write_arrays(path, arrays)
 
 
-def kept(name: str, find: Callable[[Path], Result | None], make: Callable[[], Result], notice: Callable[[str], object]) -> Result:
+def kept(name: str, find: Callable[[Path], Result], make: Callable[[], Result], notice: Callable[[str], object]) -> Result:
     """Return what `find` reads from the file `name` of the cache folder; else what `make` returns, whose arrays are stored there.
 
     notice: called with a line if the file is damaged, or cannot be written.
@@ -61,8 +58,9 @@ def kept(name: str, find: Callable[[Path], Result | None], make: Callable[[], Re
     path = None
     try:
         path = folder() / name
-        if (found := find(path)) is not None:
-            return found
+        return find(path)
+    except FileNotFoundError:
+        pass  # it is made here for the first time
     except DAMAGE:
         notice(f"{path}: damaged; the reference is computed again")
     except IrrsplatError as error:

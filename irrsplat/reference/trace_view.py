@@ -49,15 +49,11 @@ def trace(
     seen, smooth = sites.seen, valid_pixels(sites.position, sites.smooth, sites.seen, scene.diagonal)
     halves = _halves(tracer, sites, side, bounces, 0, report)
     sky = scene.sky_radiance(camera_rays(camera, size)).reshape(height, width, 3) if scene.own_sky else 0.0
-    return {
+    own = {name: getattr(sites, name).astype(np.float32) for name in ("albedo", "normal", "tint", "glow", "opacity")}
+    return own | {
         "halves": halves,
         "direct": np.where(seen[..., None], direct, 0.0).astype(np.float32),
-        "albedo": sites.albedo.astype(np.float32),
         "emission": np.where(seen[..., None], sites.emission, sky).astype(np.float32),
-        "normal": sites.normal.astype(np.float32),
-        "tint": sites.tint.astype(np.float32),
-        "glow": sites.glow.astype(np.float32),
-        "opacity": sites.opacity.astype(np.float32),
         "seen": seen,
         "valid": valid,
         "clear": valid & (distance_to(changes | ~smooth) > FAR_FROM_EDGES),

@@ -60,9 +60,8 @@ class Traced:
     @property
     def picture(self) -> np.ndarray:
         """(H, W, 3) radiance: direct, indirect and emitted light, through the filters in front."""
-        radiance: np.ndarray = self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
-        radiance = self.tint * radiance + self.glow
-        return radiance
+        radiance = self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
+        return np.asarray(self.tint * radiance + self.glow)
 
     @property
     def noise(self) -> float | None:
@@ -110,12 +109,14 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
     rmse, noise = found["rmse"], truth.noise
     net = None if rmse is None or noise is None else math.sqrt(max(rmse**2 - noise**2, 0.0))
     albedo = float(np.median(np.abs(frame.albedo[truth.valid] - truth.albedo[truth.valid])))
+    # from the chord: an arc cosine in float32 does not resolve angles below 0.02°
+    half = np.linalg.norm(frame.normal[truth.valid].astype(float) - truth.normal[truth.valid], axis=1) / 2.0
     return found | {
         "net": net,
         "spots": spots(frame.irradiance, truth.irradiance, truth.valid),
         "direct": errors(frame.direct[truth.clear], truth.direct[truth.clear])["rmse"],
         "albedo": albedo,
-        "normal": median_angle(frame.normal, truth.normal, truth.valid),
+        "normal": float(np.degrees(np.median(2.0 * np.arcsin(np.minimum(half, 1.0))))),
     }
 
 
@@ -136,13 +137,6 @@ def spots(E: np.ndarray, E_ref: np.ndarray, valid: np.ndarray) -> float | None:
 
     local = square(np.where(valid, Y_ref, 0.0))[valid] / square(valid.astype(float))[valid]
     return float(np.mean(np.abs(Y - Y_ref)[valid] > SPOT * local))
-
-
-def median_angle(normals: np.ndarray, others: np.ndarray, where: np.ndarray) -> float:
-    """Return the median angle in degrees between unit vectors (H, W, 3) in the pixels `where` (H, W)."""
-    # from the chord: an arc cosine in float32 does not resolve angles below 0.02°
-    half = np.linalg.norm(normals[where].astype(float) - others[where], axis=1) / 2.0
-    return float(np.degrees(np.median(2.0 * np.arcsin(np.minimum(half, 1.0)))))
 
 
 def side_of(samples: int) -> int:
@@ -204,11 +198,9 @@ def kept(scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str
         return None
 
 
-def _read(path: Path, size: tuple[int, int]) -> Traced | None:
-    """Return the reference in a file, None for a missing file; raises one of files.DAMAGE for any other file."""
+def _read(path: Path, size: tuple[int, int]) -> Traced:
+    """Return the reference in a file; raises FileNotFoundError for a missing file, one of files.DAMAGE for any other file."""
     arrays = disk_cache.read(path)
-    if arrays is None:
-        return None
     truth = Traced(**{field.name: arrays[field.name] for field in fields(Traced)})
     pixels = size[1], size[0]
     for field in fields(Traced):
