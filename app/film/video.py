@@ -20,8 +20,6 @@ from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError, IrrsplatError
 
 INSTALL = "pip install 'irrsplat[video]'"
-
-
 ENDINGS = (".mp4",)
 RATE = 30.0  # pictures per second by default
 _CRF = "18"  # of x264: the usual value without visible loss

@@ -123,14 +123,12 @@ class Frame:
     def _write_png(self, part: Path) -> None:
         from PIL import Image
 
-        some = [dithered(self._displayed(first), first) for first in range(0, len(self.image), _ROWS)]
-        Image.fromarray(np.concatenate(some)).save(part, "PNG")
-
-    def _displayed(self, first: int) -> np.ndarray:
-        """Return some rows of the picture from `first` on, since tone mapping takes ten times the memory of its result."""
-        rows = slice(first, first + _ROWS)
-        whole = first, len(self.image)
-        return display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, whole)
+        shown, height = [], len(self.image)
+        for first in range(0, height, _ROWS):  # tone mapping takes ten times the memory of its result
+            rows = slice(first, first + _ROWS)
+            some = display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, (first, height))
+            shown.append(dithered(some, first))
+        Image.fromarray(np.concatenate(shown)).save(part, "PNG")
 
     def _write_exr(self, part: Path, names: Sequence[str]) -> None:
         layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}

@@ -81,7 +81,6 @@ class TextureMaps(Owner):
         self._counts: Mapping[_Use, int] = {}  # halvings of each image
         self._textures: dict[_Use, moderngl.Texture] = {}
         self._samplers: dict[tuple[object, ...], moderngl.Sampler] = {}
-        self._sampled: dict[tuple[object, ...], SampledTexture] = {}
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (*self._textures.values(), *self._samplers.values())
@@ -93,7 +92,6 @@ class TextureMaps(Owner):
         counts = self._plan(_uses(runs))
         for use in [use for use in self._textures if counts.get(use) != self._counts[use]]:
             self._textures.pop(use).release()
-        self._sampled.clear()
         self._counts, self._runs = counts, runs
 
     def _plan(self, uses: tuple[_Use, ...]) -> dict[_Use, int]:
@@ -120,10 +118,7 @@ class TextureMaps(Owner):
 
         cutoff: the alpha test's threshold, if any.
         """
-        key = texture, srgb_encoded, cutoff
-        if key not in self._sampled:
-            self._sampled[key] = SampledTexture(self._texture(_Use(texture.image, srgb_encoded, cutoff)), self._sampler(texture))
-        return self._sampled[key]
+        return SampledTexture(self._texture(_Use(texture.image, srgb_encoded, cutoff)), self._sampler(texture))
 
     def _texture(self, use: _Use) -> moderngl.Texture:
         if use not in self._textures:

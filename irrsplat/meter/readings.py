@@ -67,11 +67,8 @@ class Readings:
         """Return mean, extremes and uniformity of the total."""
         light = photometric(self.total[self.counts].astype(float)) / (1.0 if unit == "lux" else LUMINOUS_EFFICACY)
         inside, behind = (int((self.status == status).sum()) for status in (Status.INSIDE, Status.BEHIND))
-        found = Summary(
-            unit=unit, points=len(light), inside=inside, behind=behind, mean=None, minimum=None, maximum=None, uniformity=None
+        mean, low, high = (float(of(light)) if len(light) else None for of in (np.mean, np.min, np.max))
+        even = low / mean if low is not None and mean is not None and mean > 0.0 else None
+        return Summary(
+            unit=unit, points=len(light), inside=inside, behind=behind, mean=mean, minimum=low, maximum=high, uniformity=even
         )
-        if not len(light):
-            return found
-        mean, low, high = float(light.mean()), float(light.min()), float(light.max())
-        found |= {"mean": mean, "minimum": low, "maximum": high, "uniformity": low / mean if mean > 0.0 else None}
-        return found
