@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -164,8 +163,7 @@ def _repeated(renderer: Renderer, camera: Camera, prepare: Callable[[int], objec
 
 def middle(timings: list[Timing]) -> Timing:
     """Return the timing with the median time."""
-    seconds = statistics.median_low(t.seconds for t in timings)
-    return next(t for t in timings if t.seconds == seconds)
+    return sorted(timings, key=lambda timing: timing.seconds)[(len(timings) - 1) // 2]
 
 
 def picture(renderer: Renderer, camera: Camera) -> Timing:

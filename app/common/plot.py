@@ -9,7 +9,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.image.figures.legend import Colour
+from irrsplat.image.false_colours import Colour
 
 _SIZE, _DPI = (10.4, 7.2), 100  # inches; pixels per inch
 

@@ -122,7 +122,7 @@ def _write(name: str, expected: np.ndarray, picture: np.ndarray, error: np.ndarr
     """Write a .png with reference, picture and error (H, W, 3) side by side, and the scale of `signed_error` below."""
     from PIL import Image
 
-    from irrsplat.image.figures.legend import legend_height, write_legend
+    from irrsplat.image.false_colours import legend_height, write_legend
 
     share = f"{100.0 * FULL:g} % of the mean irradiance or more"
     lines = ((BRIGHT, f"too bright by {share}"), (DARK, f"too dark by {share}"), (GREY, "no surface; white is right"))

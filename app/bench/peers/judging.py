@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.app.bench import gather_truth
 from irrsplat.core.errors import InputError, IrrsplatError
-from irrsplat.image.figures.legend import Colour
+from irrsplat.image.false_colours import Colour
 from irrsplat.indirect import paper_scan
 from irrsplat.reference.timed_levels import JudgedView, TimedLevels
 from irrsplat.reference.truth import NOTHING, in_words
@@ -24,15 +24,15 @@ CPUS = max(1, os.cpu_count() or 1)  # threads, equal for all: ours, rtrace -n an
 class Measurement:
     """One measurement: settings of the `system`, seconds of processor time by all threads, and relative RMSE of irradiance.
 
-    further, further_rmse: the values of a further view with all kept data; None: unknown.
+    further, further_rmse: the values of a further view with all kept data.
     """
 
     system: str
     quality: str
     seconds: float
     rmse: float
-    further: float | None
-    further_rmse: float | None
+    further: float
+    further_rmse: float
 
 
 @dataclass(frozen=True)

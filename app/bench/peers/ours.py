@@ -58,7 +58,7 @@ def measure(
             further = cases.middle(cases.from_records(renderer, second.camera, kept))
             further_rmse = second.truth.error(renderer.render(second.camera).irradiance)
             about = f"from the loaded scene and compiled shaders, on {renderer.about['renderer']}"
-        assert rmse is not None
+        assert rmse is not None and further_rmse is not None
         quality = f"{name}, {empty.records} records"
         found.append(Measurement("irrsplat", quality, empty.processor, rmse, further.processor, further_rmse))
         if rmse <= ENOUGH / 2.0 or empty.processor >= SECONDS:

@@ -98,9 +98,8 @@ def report(title: str, found: Sequence[Series]) -> Iterator[str]:
     rows = [("system", "quality", "seconds", "rmse", "further s", "rmse")]
     for series in found:
         for one in series.measurements:
-            known = one.further is not None and one.further_rmse is not None
-            further = (f"{one.further:.3f}", f"{one.further_rmse:.1%}") if known else ("-", "-")
-            rows.append((one.system, one.quality, f"{one.seconds:.3f}", f"{one.rmse:.1%}", *further))
+            numbers = f"{one.seconds:.3f}", f"{one.rmse:.1%}", f"{one.further:.3f}", f"{one.further_rmse:.1%}"
+            rows.append((one.system, one.quality, *numbers))
     yield from columns(rows, left=2)
     for series in found:
         yield f"{series.measurements[0].system}: {series.about}" if series.measurements else series.about
@@ -137,8 +136,7 @@ def reached(series: Series, target: float, further: bool = False) -> tuple[float
     """
     there = [one for one in series.measurements if one.rmse <= target]
     if there:
-        seconds = there[0].further if further else there[0].seconds
-        return None if seconds is None else (seconds, True)
+        return there[0].further if further else there[0].seconds, True
     if not series.keeps_nothing or not series.measurements:
         return None
     last = series.measurements[-1]

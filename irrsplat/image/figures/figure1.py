@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from irrsplat.image.figures.legend import Colour, legend_height, write_legend
+from irrsplat.image.false_colours import Colour, legend_height, write_legend
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import tonemap
 from irrsplat.records.weight import view_radius

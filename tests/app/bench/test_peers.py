@@ -10,7 +10,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app.bench import cases, gather_truth
-from irrsplat.app.bench.peers import cycles, judging, ours, race, radiance, radiance_scene
+from irrsplat.app.bench.peers import cycles, judging, ours, race, radiance
 from irrsplat.app.bench.peers.judging import Measurement, Series
 from irrsplat.reference import fine_gather, timed_levels
 from irrsplat.scene.model import Scene
@@ -27,7 +27,7 @@ def measurements(system: str, *found: tuple[float, float]) -> tuple[Measurement,
 
 
 def words(scene: Scene) -> list[list[str]]:
-    return [line.split() for line in radiance_scene.text(scene).splitlines() if line]
+    return [line.split() for line in radiance.text(scene).splitlines() if line]
 
 
 def test_export_of_a_scene_to_radiance() -> None:
@@ -42,9 +42,9 @@ def test_export_of_a_scene_to_radiance() -> None:
         assert shape == [f"paint{number}", "mesh", f"mesh{number}", "1", f"mesh{number}.rtm", "0", "0"]
     bulb, sphere = lines[2 * len(meshes) :]
     assert bulb[:7] == ["void", "illum", "lamp0", "1", "void", "0", "3"]
-    intensity = np.array([float(x) for x in bulb[7:]]) * np.pi * radiance_scene.BULB**2
+    intensity = np.array([float(x) for x in bulb[7:]]) * np.pi * radiance.BULB**2
     assert intensity == pytest.approx(scene.lights[0].color)
-    assert [float(x) for x in sphere[6:]] == pytest.approx([*scene.lights[0].position, radiance_scene.BULB])
+    assert [float(x) for x in sphere[6:]] == pytest.approx([*scene.lights[0].position, radiance.BULB])
 
 
 # ---- ratios of times -----------------------------------------------------------------------------------------------------
@@ -115,7 +115,7 @@ def test_radiance_agrees_with_the_gather(tmp_path: Path, small: None) -> None:
     assert E.mean() == pytest.approx(view.truth.irradiance.mean(), rel=0.03)
     rough, _ = it.irradiance(view.position, view.normal, 1, (0.1, 1024, 256))
     assert np.abs(rough - first).mean() < 0.03 * E.mean()
-    it.forget()
+    (tmp_path / "ambient").unlink()
     rough, _ = it.irradiance(view.position, view.normal, 1, (0.5, 16, 0))
     assert view.error(rough - direct) > view.error(first - direct), "the error falls with the quality"
 
