@@ -7,7 +7,7 @@ The method is the renderer's, with its stages; only the search for points within
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Unpack
 
 import moderngl
@@ -33,18 +33,6 @@ OnBake = Callable[[float, str], None]  # called with the completed share 0..1 an
 _NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # placeholder camera: the rounds take one, but only a view depends on it
 
 
-@dataclass(frozen=True, eq=False)
-class Gathered:
-    """Light of records at places: irradiance (H, W, 3) in W/m², valid where `covered` (H, W).
-
-    converged: True if no place requests another record.
-    """
-
-    irradiance: np.ndarray
-    covered: np.ndarray
-    converged: bool
-
-
 class PlaceLight(Tenant):
     """Light at any points on a scene's surfaces; records stay, so that further points add only missing ones.
 
@@ -62,20 +50,24 @@ class PlaceLight(Tenant):
             self.world, self.cache = self.lit.world, self.lit.cache
             self.scheduler = self.own(RecordScheduler(self.world, self.settings, self.cache, self.lit.timers))
 
-    def gathered(self, where: Places, texel: float, on_bake: OnBake | None = None) -> Gathered:
+    def gathered(self, where: Places, texel: float, on_bake: OnBake | None = None) -> tuple[np.ndarray, np.ndarray, bool]:
         """Return indirect light, light of emitters and of the sky at these places; gather until all places are covered.
 
+        This is irradiance (H, W, 3) in W/m², the places (H, W) where it is valid, and True if no place requests another record.
         texel: metres between places.
         """
         self._use()
         empty = np.zeros((*where.seen.shape, 3), np.float32)
         if not self.settings.most_bounces or not where.seen.any():
-            return Gathered(empty, where.seen.copy(), True)
+            return empty, where.seen.copy(), True
         scheduler, settings, budget = self.scheduler, self.settings, Budget(None)
         scheduler.gatherer.prepare(self.lit.shadows, budget)
+        side = self.scene.diagonal / np.sqrt(3.0) / 100.0  # of a cube with the scene's diagonal, in place of a view's height
+        greatest = settings.radius_max * side or self.scene.diagonal
+        least = max(settings.radius_min * side, texel)
         with (
             _Drawn(self.ctx, where, settings.gradients) as drawn,
-            PlaceSplats(self.ctx, drawn.gbuffer, where, settings, self._radius_bounds(texel)) as splats,
+            PlaceSplats(self.ctx, drawn.gbuffer, where, settings, (min(least, greatest), greatest)) as splats,
         ):
             view, before = ViewState((_NOBODY,)), self.cache.count
             for _ in range(MOST_ROUNDS):
@@ -92,14 +84,7 @@ class PlaceLight(Tenant):
         covered = where.seen & (totals[..., 3] > 0.0)
         irradiance = np.where(covered[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
         check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
-        return Gathered(irradiance, covered, view.phase is Phase.SETTLED)
-
-    def _radius_bounds(self, texel: float) -> tuple[float, float]:
-        """Return the radius bounds without a view: the side of a cube with the scene's diagonal replaces the image height."""
-        side = self.scene.diagonal / np.sqrt(3.0) / 100.0
-        greatest = self.settings.radius_max * side or self.scene.diagonal
-        least = max(self.settings.radius_min * side, texel)
-        return min(least, greatest), greatest
+        return irradiance, covered, view.phase is Phase.SETTLED
 
     def direct(self, where: Places, number: int = 0) -> np.ndarray:
         """Return the irradiance (H, W, 3) of lights with shadows, in W/m²; number: index of the subtexel sample."""

@@ -12,12 +12,12 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.bake import seams
-from irrsplat.app.bake.encoding import Encoding
 from irrsplat.app.bake.glb import Glb
 from irrsplat.app.bake.light import OnBake, PlaceLight
 from irrsplat.app.bake.places import Places, Receivers, hidden, places
 from irrsplat.app.bake.unwrap import Chartist, Charts, unwrap
 from irrsplat.core import files
+from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Material, Mesh, Scene, Texture
@@ -28,6 +28,7 @@ Light = Literal["all", "indirect"]
 Form = Literal["radiance", "irradiance"]
 SIZE, SAMPLES = 1024, 8  # defaults: texels per side; sample points per texel for direct light and textures
 MOST = 8192  # texels per side
+_CLIPPED = 0.005  # largest share of all light lost to clipping in the picture; the EXR is complete
 _GOLDEN = 1.32471795724474602596  # root of x³ = x + 1, the base of the R2 sequence (Roberts 2018)
 
 
@@ -119,8 +120,8 @@ def _baked(
     all_of_them = places(receivers, triangle, u, v)
     unseen = hidden(scene, all_of_them)
     lit = all_of_them.but(unseen)
-    gathered = lights.gathered(lit, texel, lambda share, words: notify(0.1 + 0.7 * share, words))
-    lit = lit.but(~gathered.covered)
+    indirect, covered, converged = lights.gathered(lit, texel, lambda share, words: notify(0.1 + 0.7 * share, words))
+    lit = lit.but(~covered)
 
     from scipy import ndimage
 
@@ -142,7 +143,7 @@ def _baked(
         count += some.seen
     mean = {name: values / np.maximum(count, 1)[..., None] for name, values in sums.items()}
     direct = mean["direct"] if light == "all" else np.zeros_like(mean["direct"])
-    reflected = (mean["reflected"] if light == "all" else 0.0) + mean["albedo"] * gathered.irradiance
+    reflected = (mean["reflected"] if light == "all" else 0.0) + mean["albedo"] * indirect
     radiance = reflected / np.pi + mean["emission"]
     corners = receivers.surfaces.positions[receivers.surfaces.faces].astype(float)
     normals = receivers.surfaces.normals[receivers.surfaces.faces].astype(float)
@@ -155,15 +156,15 @@ def _baked(
         receivers,
         charts,
         light,
-        finished(direct + gathered.irradiance),
+        finished(direct + indirect),
         finished(radiance),
-        gathered.irradiance,
+        indirect,
         mean["direct"].astype(np.float32),
         lit,
         chart,
         texel,
         lights.cache.count,
-        gathered.converged,
+        converged,
     )
 
 
@@ -181,6 +182,51 @@ def _texel(receivers: Receivers, charts: Charts) -> float:
 
 
 # ---- files -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Encoding:
+    """Map as an 8-bit picture whose scale differs between groups of charts.
+
+    png: sRGB-encoded, dithered to keep the mean over several texels. strength: (G,) radiance or irradiance of a group's 1.
+    part: (F,) group of each triangle. limit: clipping threshold. clipped: share of all light on texels above the limit.
+    """
+
+    png: bytes
+    strength: np.ndarray
+    part: np.ndarray
+    limit: float
+    clipped: float
+
+    @staticmethod
+    def of(made: Lightmap, form: Form) -> Encoding:
+        """Encode the map of this form."""
+        from scipy import ndimage
+
+        values, on = getattr(made, form), made.owner
+        bright = values.max(-1)
+        limit = limit_of(bright[on >= 0])
+        owner = on[tuple(ndimage.distance_transform_edt(on < 0, return_distances=False, return_indices=True))]
+        charts = int(made.charts.chart.max(initial=-1)) + 1
+        most = np.minimum(ndimage.maximum(bright, owner, np.arange(charts)), limit)
+        mesh = np.zeros(charts, np.int64)
+        mesh[made.charts.chart] = made.receivers.mesh_of
+        _, group = np.unique(np.stack([mesh, np.floor(np.log2(np.maximum(most, 1e-30)))], axis=1), axis=0, return_inverse=True)
+        strength = np.zeros(int(group.max(initial=-1)) + 1)
+        np.maximum.at(strength, group.ravel(), most)
+        own = strength[group.ravel()]  # (charts,)
+        shown = np.minimum(values / np.maximum(own[owner], 1e-30)[..., None], 1.0)
+        clipped = float(np.maximum(bright[on >= 0] - limit, 0.0).sum()) / max(float(bright[on >= 0].sum()), 1e-30)
+        png = files.as_png(files.dithered(srgb(shown)) * (shown > 0.0) / 255.0)
+        return Encoding(png, strength, group.ravel()[made.charts.chart], limit, clipped)
+
+
+def limit_of(values: np.ndarray) -> float:
+    """Return the least limit that clips at most the share _CLIPPED of the sum of values (N,)."""
+    down = np.sort(values)[::-1].astype(float)
+    excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # clipped sum at each limit
+    within = np.flatnonzero(excess <= _CLIPPED * down.sum())
+    return float(down[within[-1]]) if len(within) else 0.0
 
 
 def glb_of(made: Lightmap, form: Form) -> bytes:

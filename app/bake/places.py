@@ -8,6 +8,7 @@ from functools import cached_property
 import moderngl
 import numpy as np
 
+from irrsplat.core.vectors import triangle_normals
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.meter.light_meter import LightMeter, touching_distance
 from irrsplat.meter.readings import Status
@@ -131,10 +132,8 @@ def _covered(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarra
     covered = np.ones(len(points), bool)
     if not ray_caster.available():  # without a ray caster, records at the hidden points decide, at a higher cost
         return ~covered
-    meshes = [mesh for mesh in scene.meshes if len(mesh.faces)]
-    starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
-    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
-    caster = ray_caster.RayCaster(np.concatenate([mesh.positions for mesh in meshes]), faces)
+    surfaces = Surfaces.of(scene)
+    caster = ray_caster.RayCaster(surfaces.positions, surfaces.faces)
     across = np.cross(normals, np.eye(3)[np.abs(normals).argmin(1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     third, reach = np.cross(normals, across), touching_distance(scene)
@@ -162,12 +161,11 @@ def _lit_sides(scene: Scene, ctx: moderngl.Context | None) -> list[tuple[str, ..
     points, normals, owner = [], [], []
     for i, mesh in tried.items():
         corners = mesh.positions[mesh.faces].astype(float)
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        area = np.linalg.norm(cross, axis=1)
+        normal, area = triangle_normals(corners)
         chosen = np.argsort(-area, kind="stable")[:_TRIED]  # the largest
         chosen = chosen[area[chosen] > 0.0]
         points.append(corners[chosen].mean(1))
-        normals.append(cross[chosen] / area[chosen, None])
+        normals.append(normal.T[chosen])
         owner.append(np.full(len(chosen), i))
     at, n, of = np.concatenate(points), np.concatenate(normals), np.concatenate(owner)
     if not len(at):

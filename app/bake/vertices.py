@@ -12,10 +12,9 @@ import numpy as np
 
 from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
-from irrsplat.app.bake.encoding import limit_of
 from irrsplat.app.bake.glb import Glb
 from irrsplat.app.bake.light import OnBake, PlaceLight
-from irrsplat.app.bake.lightmap import Light, texture_coordinates
+from irrsplat.app.bake.lightmap import Light, limit_of, texture_coordinates
 from irrsplat.app.bake.places import Receivers, hidden, places
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
@@ -186,14 +185,13 @@ class _Found:
         u, v = (np.append(shares[order, k], 0.0)[index] for k in (1, 2))
         where = places(self.receivers, triangle, u, v)
         where = where.but(hidden(scene, where))
-        gathered = self.lights.gathered(where, self.apart)
+        irradiance, covered, converged = self.lights.gathered(where, self.apart)
         direct = self.lights.direct(where)
-        self.converged &= gathered.converged
+        self.converged &= converged
         pixel = np.empty(len(root), np.intp)  # of each point
         pixel[order[index[there]]] = np.flatnonzero(there)
-        found = (picture.reshape(-1, 3)[pixel] for picture in (gathered.irradiance, direct, where.position))
-        indirect, straight, position = found
-        seen = gathered.covered.ravel()[pixel]
+        indirect, straight, position = (picture.reshape(-1, 3)[pixel] for picture in (irradiance, direct, where.position))
+        seen = covered.ravel()[pixel]
         total = indirect + (straight if self.light == "all" else 0.0)
         self._sum, self._count = self._sum + float(total[seen].max(1).sum()), self._count + int(seen.sum())
         return _Known(total, indirect, straight, seen, position.astype(float))
