@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from irrsplat.app.commands.shared import flags, values
+from irrsplat.app.commands.shared import flags
 from irrsplat.app.common.outputs import Outputs, check_distinct
 from irrsplat.app.common.terminal import out, progress, say, wrote
 from irrsplat.core.errors import InputError
@@ -33,12 +33,12 @@ def add(commands: Any) -> None:
     add("--light", choices=("all", "indirect"), default="all", help=words)
     words = "lightmap: black materials that emit the map, for any program; or the materials of the scene and a map in W/m²"
     add("--form", choices=("radiance", "irradiance"), help=f"{words} (default: radiance)")
-    add("--size", type=values.count, metavar="N", help="lightmap: texels along a side (default: 1024)")
+    add("--size", type=flags.count, metavar="N", help="lightmap: texels along a side (default: 1024)")
     words = "lightmap: samples of lights and textures per texel (default: 8)"
-    add("--texel-samples", type=values.count, metavar="N", help=words)
+    add("--texel-samples", type=flags.count, metavar="N", help=words)
     words = "vertices: largest relative error of light at the middle of an edge before the edge is cut (default: 0.05)"
-    add("--cut", type=values.number, metavar="X", help=words)
-    add("--most", type=values.count, metavar="N", help="vertices: largest number of vertices (default: 200000)")
+    add("--cut", type=flags.number, metavar="X", help=words)
+    add("--most", type=flags.count, metavar="N", help="vertices: largest number of vertices (default: 200000)")
     add("--stats", metavar="FILE.json", help="write sizes, records, times and settings to this file")
     flags.add_preset(parser, "default")
     flags.add_settings(parser, stages=("shadow", "gather", "splat", "examine"), besides=("placement", "warmup"))

@@ -6,7 +6,7 @@ import argparse
 import os
 from typing import TYPE_CHECKING, Any
 
-from irrsplat.app.commands.shared import values
+from irrsplat.app.commands.shared import flags
 from irrsplat.app.common.parser import Parser
 from irrsplat.app.common.terminal import columns, out
 from irrsplat.core.errors import InputError
@@ -41,7 +41,7 @@ def add(commands: Any) -> None:
     )
     prune.add_argument("file", metavar="FILE", help="a cache file")
     words = "limit of records (default: remove covered records only)"
-    prune.add_argument("--most", type=values.count, metavar="N", help=words)
+    prune.add_argument("--most", type=flags.count, metavar="N", help=words)
     for tool in (merge, prune):
         tool.add_argument("-o", "--output", required=True, metavar="OUT", help="output cache; may be one of the inputs")
     info.set_defaults(run=_info)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from irrsplat.app.commands.shared import flags, values
+from irrsplat.app.commands.shared import flags
 
 
 def add(commands: Any) -> None:
@@ -22,21 +22,21 @@ def add(commands: Any) -> None:
     where = parser.add_argument_group("where", "one of --plane, --height, --line and --point")
     axes = ("X0", "Y0", "Z0", "UX", "UY", "UZ", "VX", "VY", "VZ")
     words = "a corner and two edges u and v in metres; measured from the side of u × v"
-    where.add_argument("--plane", nargs=9, type=values.number, metavar=axes, help=words)
+    where.add_argument("--plane", nargs=9, type=flags.number, metavar=axes, help=words)
     words = "a horizontal plane, M metres above the lowest point of the scene, over its whole extent; measured from above"
-    where.add_argument("--height", type=values.number, metavar="M", help=words)
+    where.add_argument("--height", type=flags.number, metavar="M", help=words)
     words = "points along a line, including both ends; metres"
-    where.add_argument("--line", nargs=6, type=values.number, metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"), help=words)
+    where.add_argument("--line", nargs=6, type=flags.number, metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"), help=words)
     words = "direction of the meter along a line (default: up)"
-    where.add_argument("--facing", nargs=3, type=values.number, metavar=("NX", "NY", "NZ"), help=words)
+    where.add_argument("--facing", nargs=3, type=flags.number, metavar=("NX", "NY", "NZ"), help=words)
     words = "a point and the direction of the meter; may be repeated"
     where.add_argument(
-        "--point", nargs=6, type=values.number, action="append", metavar=("X", "Y", "Z", "NX", "NY", "NZ"), help=words
+        "--point", nargs=6, type=flags.number, action="append", metavar=("X", "Y", "Z", "NX", "NY", "NZ"), help=words
     )
     words = "largest side of the cells of a plane, or largest step on a line (default: the spacing of EN 12464-1)"
-    where.add_argument("--grid", type=values.number, metavar="M", help=words)
+    where.add_argument("--grid", type=flags.number, metavar="M", help=words)
     where.add_argument(
-        "--margin", type=values.number, metavar="M", help="leave out a margin along the edges of a plane (default: 0)"
+        "--margin", type=flags.number, metavar="M", help="leave out a margin along the edges of a plane (default: 0)"
     )
     add(
         "-o", "--output", metavar="OUT",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from irrsplat.app.commands.shared import flags, rendering, values
+from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
 from irrsplat.core.errors import InputError
@@ -41,7 +41,7 @@ def add(commands: Any) -> None:
     )  # fmt: skip
     flags.add_size(parser, 800)
     add(
-        "--tile-size", type=values.tile, metavar="N",
+        "--tile-size", type=flags.tile, metavar="N",
         help=f"render in tiles of NxN pixels ({LEAST_TILE}..{MOST_TILE}), with less memory and more time; 0: never "
         "(default: tiles of 1024 if memory or OpenGL's largest texture is too small)",
     )  # fmt: skip
@@ -58,7 +58,7 @@ def add(commands: Any) -> None:
     flags.add_camera(parser)
     _add_false_colours(parser)
     group = flags.add_flight(parser, "a flight instead of one picture; frames share records and the first exposure")
-    group.add_argument("--fps", type=values.rate, metavar="N", help="frames per second of a film (default: 30)")
+    group.add_argument("--fps", type=flags.rate, metavar="N", help="frames per second of a film (default: 30)")
     flags.add_settings(parser)
     parser.set_defaults(run=run)
 
@@ -70,9 +70,9 @@ def _add_false_colours(parser: argparse.ArgumentParser) -> None:
     words = f"{', '.join(FALSE_COLOURED)} (default: light, the irradiance of all light on surfaces)"
     group.add_argument("--falsecolor", nargs="?", const="light", choices=FALSE_COLOURED, metavar="BUFFER", help=words)
     words = "upper end of the scale (default: a round number above nearly all visible values)"
-    group.add_argument("--scale", type=values.number, metavar="X", help=words)
+    group.add_argument("--scale", type=flags.number, metavar="X", help=words)
     words = "logarithmic scale over this number of decades (default: linear)"
-    group.add_argument("--log", type=values.decades, metavar="DECADES", help=words)
+    group.add_argument("--log", type=flags.decades, metavar="DECADES", help=words)
     words = "lux (radiance: cd/m²), or W/m² (radiance: W/(m² sr)) weighted by luminance (default: lux)"
     group.add_argument("--unit", choices=("lux", "W/m2"), help=words)
     group.add_argument("--lines", choices=("on", "off"), help="isolines between the ten steps of the scale (default: on)")

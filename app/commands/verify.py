@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from irrsplat.app.commands.shared import flags, rendering, values
+from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.common.terminal import wrote
 
 
@@ -22,7 +22,7 @@ def add(commands: Any) -> None:
     flags.add_size(parser, 200)
     add(
         "--samples",
-        type=values.samples,
+        type=flags.samples,
         default=2048,
         metavar="N",
         help="least rays of each kind per pixel (default: 2048)",

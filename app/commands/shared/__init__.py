@@ -1,1 +1,1 @@
-"""Common parts of commands: flags, their values, and the steps before and after a render."""
+"""Common parts of commands: flags, and the steps before and after a render."""

@@ -1,16 +1,78 @@
-"""Common flags of commands; flags of settings derive from irrsplat.settings."""
+"""Common flags of commands, and parsers of values of flags; flags of settings derive from irrsplat.settings."""
 
 from __future__ import annotations
 
 import argparse
+import math
+import re
+from collections.abc import Callable
 from typing import Any
 
-from irrsplat.app.commands.shared import values
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES
-from irrsplat.settings import PRESETS, SETTINGS
+from irrsplat.settings import LEAST_TILE, MOST_TILE, PRESETS, SETTINGS
 
 STAGES = tuple(dict.fromkeys(declaration.stage for declaration in SETTINGS.values()))  # in the order of the frame
+MOST_DECADES = 9
+
+
+# ---- values, as parsed by argparse: an error has the expected form -----------------------------------------------------
+
+
+def number(text: str) -> float:
+    """Parse a finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a finite number, not '{text}'")
+    return value
+
+
+def _whole(low: int, high: int, expected: str) -> Callable[[str], int]:
+    """Return a parser of whole numbers from `low` to `high`; expected: these in words."""
+
+    def parse(text: str) -> int:
+        if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
+        return int(text)
+
+    return parse
+
+
+pixels = _whole(1, 999_999_999, "a whole number of pixels, at least 1")
+samples = _whole(2, 999_999_999, "a whole number of samples, at least 2")
+count = _whole(1, 999_999_999, "a whole number, at least 1")
+decades = _whole(1, MOST_DECADES, f"a whole number from 1 to {MOST_DECADES}")
+_tile = _whole(LEAST_TILE, MOST_TILE, f"0, or a whole number of pixels from {LEAST_TILE} to {MOST_TILE}")
+
+
+def tile(text: str) -> int:
+    """Parse a tile side in pixels; 0: no tiles."""
+    return 0 if text == "0" else _tile(text)
+
+
+def rate(text: str) -> float:
+    """Parse frames per second."""
+    value = number(text)
+    if not 0.1 <= value <= 240.0:
+        raise argparse.ArgumentTypeError(f"expected frames per second, 0.1 to 240, not '{text}'")
+    return value
+
+
+def frames(text: str) -> tuple[int, int | None]:
+    """Parse frames A:B of a path as (A, B), half open as a Python slice; omitted: A = 0, B = None."""
+    match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"expected A:B, the frames from A to before B, either may be left out, not '{text}'")
+    start, stop = int(match[1] or 0), int(match[2]) if match[2] else None
+    if stop is not None and start >= stop:
+        raise argparse.ArgumentTypeError(f"'{text}' holds no frame: B is not among them; give a B greater than A")
+    return start, stop
+
+
+# ---- flags -------------------------------------------------------------------------------------------------------------
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +92,7 @@ def add_loading(parser: argparse.ArgumentParser) -> None:
     words = "greatest angle between triangles at smooth edges, for files without normals"
     add(
         "--crease-angle",
-        type=values.number,
+        type=number,
         default=CREASE_ANGLE,
         metavar="DEG",
         help=f"{words} (0..180; default: {CREASE_ANGLE:g})",
@@ -53,8 +115,8 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("camera", "--eye requires --target; --up and --fov default to those of the scene")
     group.add_argument("--camera", metavar="NAME", help="name of a camera of the scene (default: the first)")
     for flag, text in (("eye", "position"), ("target", "target point"), ("up", "up direction")):
-        group.add_argument(f"--{flag}", nargs=3, type=values.number, metavar=("X", "Y", "Z"), help=f"{text} in world space")
-    group.add_argument("--fov", type=values.number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
+        group.add_argument(f"--{flag}", nargs=3, type=number, metavar=("X", "Y", "Z"), help=f"{text} in world space")
+    group.add_argument("--fov", type=number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
 
 
 def add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = (), stages: tuple[str, ...] = STAGES) -> None:
@@ -75,7 +137,7 @@ def add_size(parser: argparse.ArgumentParser, side: int | None, words: str = "",
     """Add --size, by default `side` by `side`; without `side`, args.size is None. words: special help."""
     default = None if side is None else [side, side]
     words = words or f"image size in pixels (default: {side} {side})"
-    parser.add_argument("--size", nargs=2, type=values.pixels, default=default, metavar=("W", "H"), help=words, action=action)
+    parser.add_argument("--size", nargs=2, type=pixels, default=default, metavar=("W", "H"), help=words, action=action)
 
 
 def add_preset(parser: argparse.ArgumentParser, default: str | None, words: str = "", action: str = "store") -> None:
@@ -105,7 +167,7 @@ def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     group = parser.add_argument_group("path", words)
     group.add_argument("--path", metavar="FILE", help="path file, in the current folder or the folder of the scene")
     group.add_argument(
-        "--frames", type=values.frames, metavar="A:B", help="render frames A to B - 1; A or B may be omitted (default: all)"
+        "--frames", type=frames, metavar="A:B", help="render frames A to B - 1; A or B may be omitted (default: all)"
     )
     return group
 
