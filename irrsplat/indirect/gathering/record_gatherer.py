@@ -335,7 +335,6 @@ class RecordGatherer(Owner):
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         waits = budget.limited and coarse and (self._without_tree or first_records)  # the full level has virtual lights
-        self._waited = waits
         change = None if waits else surface.advance(shadows, part)
         made = change is not None
         if change is not None and basis.from_file is None:
@@ -345,6 +344,7 @@ class RecordGatherer(Owner):
         if made:
             self.basis = replace(self.basis, relit=self.basis.relit and not surface.current, from_file=None)
         ready = surface.result is not None and (surface.complete if self.difference else made or surface.current)
+        self._waited = waits and ready
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
