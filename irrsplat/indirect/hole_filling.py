@@ -92,7 +92,8 @@ class HoleFilling(Owner):
             )
             return [0]
 
-        drawn = self._memo.get("cells", (gbuffer, splats, probes and probes.state), draw)
+        # without probes, the cells are drawn for one picture alone
+        drawn = self._memo.get("cells", object() if probes is None else (gbuffer, splats, probes.state), draw)
         (width, height), (position, normal, rest, *_) = self.size, self._cells.textures
         if probes is not None and probes.cache.count > drawn[0]:
             self.add_probes(
