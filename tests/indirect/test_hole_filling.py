@@ -8,10 +8,12 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat import Renderer
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.indirect.hole_filling import HoleFilling, HoleProbes
 from irrsplat.scene.model import Camera
+from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.worlds import gbuffer_of, on_plane
 
 SIZE = (64, 48)
@@ -101,6 +103,17 @@ def test_records_keep_their_pixels_and_light_the_holes_around_them(ctx: moderngl
         near[17:31, 1:15] = near[17:31, 49:63] = True
         assert lit[near].all() and (with_probes or lit.all())
         assert np.abs(sums[near][:, 0] / sums[near][:, 3] / view.irradiance[near] - 1.0).max() < 0.05
+
+
+@pytest.mark.few_sites
+def test_a_picture_without_the_surface_cache_forgets_its_light(ctx: moderngl.Context) -> None:
+    """Without records, probes and surface cache there is no light, whatever the picture before it has shown."""
+    with Renderer(room(), SIZE, ctx=ctx, **FAST | {"bounces": 2}) as renderer, HoleFilling(ctx, SIZE) as filling:
+        view, _ = renderer.frame(FRONT)
+        nothing = table_texture(ctx, np.zeros((*SIZE[::-1], 4)))
+        seen = view.gbuffer, SplatBuffer(nothing, nothing), FRONT, None
+        assert pixels(filling(*seen, renderer.scheduler.gatherer.surface_uniforms).sums)[..., :3].any()
+        assert not pixels(filling(*seen, {}).sums).any()
 
 
 def test_probes_hold_while_the_light_does_and_the_oldest_go(ctx: moderngl.Context) -> None:
