@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
+from threading import Event
 from typing import Any
 
 import moderngl
@@ -13,10 +15,12 @@ import pytest
 from irrsplat import InputError, Renderer
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.timing.clock import use_clock
+from irrsplat.gpu import world
 from irrsplat.image.view import Progress
 from irrsplat.renderer.moving import divisor_after
 from irrsplat.scene.model import Camera, Light
 from irrsplat.scene.motion import hidden
+from irrsplat.scene.spatial import bvh
 from irrsplat.settings import SETTINGS, preset
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.counted_clock import RayClock
@@ -61,6 +65,34 @@ def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
     assert np.array_equal(one["position"][:count], two["position"][:count])
     light, other_light = (records["irradiance"][:count] for records in (one, two))
     assert np.allclose(light, other_light, rtol=0.02, atol=1e-3 * other_light.mean())
+
+
+class _Impatient(RayClock):
+    """A clock that waits for no thread."""
+
+    def wait(self, futures: Sequence[Future[Any]], seconds: float) -> bool:
+        return all(one.done() for one in futures)
+
+
+def test_holes_wait_for_no_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a large scene, ticks leave holes without probes while the tree of rays is built in the background."""
+    built = Event()
+    monkeypatch.setattr(world, "_LARGE", 1)
+    monkeypatch.setattr(world, "build", lambda corners: (built.wait(2.0), bvh.build(corners))[1])
+    with use_clock(_Impatient(1e6)), Renderer(room(), SIZE, **FAST) as renderer:
+        renderer.frame(seconds=0.05)
+        assert not renderer.scheduler.gatherer.world.has_tree, "the tick has waited for the tree"
+        built.set()
+        assert renderer.stages.world.tree
+        renderer.frame(seconds=0.05)
+        assert renderer.scheduler.hole_probes.cache.count
+
+
+def test_the_scan_gathers_no_probes() -> None:
+    """Pictures of the paper's scan show no probes of holes."""
+    with use_clock(RayClock(1e6)), Renderer(room(), SIZE, placement="scan", gather="trace", **FAST) as renderer:
+        renderer.frame(seconds=0.05)
+        assert renderer.settings.fill_holes and not renderer.scheduler.hole_probes.cache.count
 
 
 @pytest.mark.few_sites

@@ -63,6 +63,7 @@ class RecordGatherer(Owner):
         self.gathers = self.own(Gathers(world))
         self._count = 0  # of the records at the last advance of the surface cache
         self._waited = False  # True if records of the last tick have newer light than the surface cache
+        self._built = True  # False while a tick awaits structures of rays
         self._made = self.own(Workshop())  # the surface cache and the difference of the light
 
     # ---- the passes -------------------------------------------------------------------------------------------------
@@ -84,8 +85,8 @@ class RecordGatherer(Owner):
 
     @property
     def may_probe_holes(self) -> bool:
-        """True if gathers trace rays, and the light at their hits is known."""
-        return self.basis.kind in ("trace", "embree") and not self.awaits_light
+        """True if gathers trace rays that need no wait, the light at their hits is known, and pictures show probes."""
+        return self._built and self.basis.kind != "plane" and self.settings.placement != "scan" and not self.awaits_light
 
     def probe_luminance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
         """Return (K,) float64 W/m², a rough luminance of E at the first K of the `sites` within the budget.
@@ -269,7 +270,8 @@ class RecordGatherer(Owner):
         if self.awaits_light:  # else pictures of a moving camera stay dark
             budget = budget.part(1.0, 0.0, _FIRST_LIGHT)
         postponed = budget.limited and self._without_tree
-        if budget.limited and not self.world.wait(budget.left, self._needs_tree and not postponed, self._casts):
+        self._built = not budget.limited or self.world.wait(budget.left, self._needs_tree and not postponed, self._casts)
+        if not self._built:
             return False
         if not (postponed and self.awaits_light):
             self.world.prebuild(self._needs_tree)
