@@ -21,7 +21,7 @@ from irrsplat.scene.model import Camera
 _CELLS = 20_000  # cells of a picture, about: a probe in each takes a fraction of a second
 FIRST = 10_000  # probes for the first picture: half of the cells
 _MOST = 1 << 15  # greatest number of probes: a flight's earlier ones go
-_STEPS = 1, 2, 4  # distances of the filter's samples in its steps, cells; without probes, further ones reach all cells
+_STEPS = 1, 2, 4  # distances of the filter's samples in its steps, cells; without other light, further ones reach all cells
 _SPARSE = 16  # width of the square of cells that probes fill evenly, from sparse to dense
 
 
@@ -135,7 +135,7 @@ class HoleFilling(Owner):
         """
         self._draw_samples(gbuffer, splats, camera, probes, surface)
         position, normal, rest, *samples = self._cells.textures
-        steps = _STEPS if probes is not None else 1 << np.arange(max(self.grid).bit_length())
+        steps = _STEPS if surface or probes is not None else 1 << np.arange(max(self.grid).bit_length())
         for number, step in enumerate(steps):
             target = self._target(f"step {number % 2}", (4, 2))
             self.filter(

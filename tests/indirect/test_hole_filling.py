@@ -116,6 +116,20 @@ def test_a_picture_without_the_surface_cache_forgets_its_light(ctx: moderngl.Con
         assert not pixels(filling(*seen, {}).sums).any()
 
 
+@pytest.mark.few_sites
+def test_records_change_the_light_of_the_surface_cache_near_them_alone(ctx: moderngl.Context) -> None:
+    """With the surface cache, holes at a distance take its light, and not that of far records."""
+    with Renderer(room(), SIZE, ctx=ctx, **FAST | {"bounces": 2}) as renderer, HoleFilling(ctx, SIZE) as filling:
+        view, _ = renderer.frame(FRONT)
+        surface, found = renderer.scheduler.gatherer.surface_uniforms, []
+        for E in (0.0, 1000.0):
+            texels = np.zeros((*SIZE[::-1], 4))
+            texels[:, :4] = E
+            sums = table_texture(ctx, texels)
+            found.append(pixels(filling(view.gbuffer, SplatBuffer(sums, sums), FRONT, None, surface).sums)[:, 32:])
+        assert found[0].any() and np.array_equal(found[0], found[1])
+
+
 def test_probes_hold_while_the_light_does_and_the_oldest_go(ctx: moderngl.Context) -> None:
     """Another light voids all probes; a flight keeps a bounded number of them."""
     place, up = np.zeros((20_000, 3), "f4"), np.tile(np.array([0.0, 1.0, 0.0], "f4"), (20_000, 1))
