@@ -77,8 +77,7 @@ class CloseLight(Owner):
         gather_records(self.gather, self.reduce, light, self.found, np.arange(count), seed, where=where)
         found = self.found.records.read("irradiance", "noise")
         values = np.stack([found["irradiance"] @ LUMINANCE, found["noise"]], axis=1)[:count]
-        means: np.ndarray = np.add.reduceat(values, np.cumsum(gathers) - gathers) / gathers[:, None]
-        return means
+        return np.asarray(np.add.reduceat(values, np.cumsum(gathers) - gathers) / gathers[:, None])
 
 
 def drawn(weights: np.ndarray, gathers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -75,8 +75,7 @@ def closer_rays(side: int, count: int) -> np.ndarray:
 def reach(side: int, least: int) -> np.ndarray:
     """Return (M,) the number of strata along each elevation that are as wide as it is high, from `least` to less than half."""
     m, n = shape(side)
-    wide: np.ndarray = np.clip((m / (np.pi * (np.arange(m) + 0.5)) + 0.5).astype(int), least, n // 2 - 1)
-    return wide
+    return np.asarray(np.clip((m / (np.pi * (np.arange(m) + 0.5)) + 0.5).astype(int), least, n // 2 - 1))
 
 
 def stratum_table(side: int) -> np.ndarray:

@@ -94,8 +94,7 @@ class ErrorSums:
 
 def squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return (N,) the squared differences of (N, 3), mean over channels."""
-    mean: np.ndarray = ((values.astype(float) - others) ** 2).mean(1)
-    return mean
+    return np.asarray(((values.astype(float) - others) ** 2).mean(1))
 
 
 def drawing(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) -> Steps[Check]:

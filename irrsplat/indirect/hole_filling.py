@@ -22,6 +22,7 @@ _CELLS = 20_000  # cells of a picture, about: a probe in each takes a fraction o
 FIRST = 10_000  # probes for the first picture: half of the cells
 _MOST = 1 << 15  # greatest number of probes: a flight's earlier ones go
 _STEPS = 1, 2, 4  # distances of the filter's samples in its steps, cells; without other light, further ones reach all cells
+_HOLES = DrawState(depth="<", depth_write=False)  # draws at marked pixels alone
 _SPARSE = 16  # width of the square of cells that probes fill evenly, from sparse to dense
 
 
@@ -60,9 +61,9 @@ class HoleFilling(Owner):
         self.grid = -(-size[0] // self.side), -(-size[1] // self.side)
         self.draw_cells = [self.own(Program(ctx, "indirect/holes/cells", "lib/fullscreen", {"SURFACE": on})) for on in (0, 1)]
         self.add_probes = self.own(Program(ctx, "indirect/holes/probes"))
-        self.filter = self.own(Program(ctx, "indirect/holes/filter", "lib/fullscreen"))
-        self.fill = self.own(Program(ctx, "indirect/holes/fill", "lib/fullscreen"))
-        self.take_surface = self.own(Program(ctx, "indirect/holes/surface", "lib/fullscreen"))
+        names = (f"indirect/holes/{name}" for name in ("filter", "mark", "fill", "surface"))
+        programs = (self.own(Program(ctx, name, "lib/fullscreen")) for name in names)
+        self.filter, self.mark, self.fill, self.take_surface = programs
         self._targets = self.own(Workshop())
         self._memo = Memo()
 
@@ -149,11 +150,11 @@ class HoleFilling(Owner):
                 width=camera.pixel(self.size) * self.side,
             )
             samples = target.textures
-        target = self._filled(splats)
+        target = self._marked(gbuffer, splats)
         self.fill(
             target,
+            state=_HOLES,
             **gbuffer.surface_uniforms,
-            sums=splats.sums,
             cell_position=position,
             cell_normal=normal,
             light=samples[0],
@@ -167,14 +168,16 @@ class HoleFilling(Owner):
 
         The texture belongs to this pass.
         """
-        target, seen = self._filled(splats), {**gbuffer.surface_uniforms, **gbuffer.material_uniforms}
-        self.take_surface(target, **seen, sums=splats.sums, pixel_stride=splats.pixel_stride, **surface)
+        target, seen = self._marked(gbuffer, splats), {**gbuffer.surface_uniforms, **gbuffer.material_uniforms}
+        self.take_surface(target, state=_HOLES, **seen, pixel_stride=splats.pixel_stride, **surface)
         return replace(splats, sums=target.textures[0])
 
-    def _filled(self, splats: SplatBuffer) -> Target:
-        """Return the target of filled sums."""
-        size = splats.sums.size
-        return self._targets.get(f"filled {splats.pixel_stride}", size, lambda: Target(self.ctx, size, (4,)))
+    def _marked(self, gbuffer: GBuffer, splats: SplatBuffer) -> Target:
+        """Return the target of filled sums, with the records' sums. Its depth buffer marks holes."""
+        size, stride = splats.sums.size, splats.pixel_stride
+        target = self._targets.get(f"filled {stride}", size, lambda: Target(self.ctx, size, (4,), depth=True))
+        self.mark(target, state=DrawState(depth="1"), position=gbuffer.position, sums=splats.sums, pixel_stride=stride)
+        return target
 
 
 def _order() -> np.ndarray:

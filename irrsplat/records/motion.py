@@ -66,8 +66,7 @@ def _covered(position: np.ndarray, normal: np.ndarray, mesh: Mesh) -> np.ndarray
     way, radius = 0.5 * (low + high) - position, 0.5 * float(np.linalg.norm(high - low))
     far = np.maximum(np.linalg.norm(way, axis=1), 1e-30)
     height = np.clip(((way * normal).sum(1) + radius) / (far + radius), 0.0, 1.0)  # 0 for a sphere below the horizon
-    share: np.ndarray = height * np.minimum(radius / far, 1.0) ** 2
-    return share
+    return np.asarray(height * np.minimum(radius / far, 1.0) ** 2)
 
 
 @dataclass(frozen=True)

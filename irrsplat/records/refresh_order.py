@@ -44,8 +44,7 @@ class RefreshOrder(Owner):
             pixel=camera.pixel((width, height)),
             **gbuffer.surface_uniforms,
         )
-        pixels: np.ndarray = np.frombuffer(target.textures[0].read(), "f4")[: records.count]
-        return pixels
+        return np.asarray(np.frombuffer(target.textures[0].read(), "f4")[: records.count])
 
     def order(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (N,) the numbers of the stale records in the order of their refresh.

@@ -72,8 +72,7 @@ def apply_probes(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, rad
         there = numbers[known]
         _set_columns(cache, there, correction(columns_of(cache, there), before[known], found[known]), radii)
     probe[numbers], cache.column("due")[numbers] = found, 0.0
-    changed: np.ndarray = numbers[drift[numbers] > MAX_DRIFT]
-    return changed
+    return np.asarray(numbers[drift[numbers] > MAX_DRIFT])
 
 
 def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> None:

@@ -1,28 +1,23 @@
-// Fills holes: pixels without a record take the filtered probes of the cells around them, on their surface (METHOD.md, 8.2).
-#include "generated/constants.glsl"
+// Fills holes: pixels that mark.frag has marked take the filtered probes of the cells around them, on their surface (METHOD.md, 8.2).
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
 uniform sampler2D position;       // g-buffer
 uniform sampler2D normal;
-uniform sampler2D sums;           // Σ k·E, Σ k of the records
 uniform sampler2D cell_position;  // of the cells: world space; w: depth, 0 without a surface
 uniform sampler2D cell_normal;
 uniform sampler2D light;          // of the cells: filtered Σ E and number of samples
 uniform int side;                 // width of a cell in pixels
 uniform int pixel_stride;         // pixels of the g-buffer per pixel of the sums, in x and y
 
-layout(location = 0) out vec4 out_sums;  // the records' sums, or E and 1; 0 without any light
+layout(location = 0) out vec4 out_sums;  // E and 1; 0 without any light
 
 const float OTHER_SURFACE = 1e-4;  // weight of cells on other surfaces: they count only without a cell on this surface
 
 void main()
 {
-    ivec2 at = ivec2(gl_FragCoord.xy), pixel = at * pixel_stride, last = textureSize(light, 0) - 1;
-    out_sums = texel_at(sums, at);
-    vec4 p = texel_at(position, pixel);
-    if (out_sums.a > COVERED || p.w == 0.0) return;
-    vec3 n = texel_at(normal, pixel).xyz;
+    ivec2 pixel = ivec2(gl_FragCoord.xy) * pixel_stride, last = textureSize(light, 0) - 1;
+    vec3 p = texel_at(position, pixel).xyz, n = texel_at(normal, pixel).xyz;
     vec2 place = (vec2(pixel) - float(side / 2)) / float(side);  // in cells; a cell's pixel is a whole number
     ivec2 nearest = ivec2(floor(place + 0.5));
     out_sums = vec4(0.0);
@@ -33,7 +28,7 @@ void main()
         vec3 m = texel_at(cell_normal, inside).xyz;
         float cosine = max(dot(n, m), 0.01);
         vec2 apart = vec2(cell) - place;
-        float share = exp2(-2.0 * dot(apart, apart)) * (same_surface(p.xyz, n, q.xyz, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
+        float share = exp2(-2.0 * dot(apart, apart)) * (same_surface(p, n, q.xyz, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
         out_sums += E.a > 0.0 ? share * vec4(E.rgb / E.a, 1.0) : vec4(0.0);
     }
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);
