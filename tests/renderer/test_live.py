@@ -78,7 +78,7 @@ def test_holes_wait_for_no_tree(monkeypatch: pytest.MonkeyPatch) -> None:
     """In a large scene, ticks leave holes without probes while the tree of rays is built in the background."""
     built = Event()
     monkeypatch.setattr(world, "_LARGE", 1)
-    monkeypatch.setattr(world, "build", lambda corners: (built.wait(2.0), bvh.build(corners))[1])
+    monkeypatch.setattr(world, "build", lambda corners: (built.wait(60.0), bvh.build(corners))[1])
     with use_clock(_Impatient(1e6)), Renderer(room(), SIZE, **FAST) as renderer:
         renderer.frame(seconds=0.05)
         assert not renderer.scheduler.gatherer.world.has_tree, "the tick has waited for the tree"
