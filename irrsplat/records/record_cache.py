@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import moderngl
@@ -255,6 +256,16 @@ class RecordCache(Owner):
         self.revision += 1
 
     # ---- dropping and moving records ---------------------------------------------------------------------------------
+
+    @contextmanager
+    def adding(self, sites: Sites) -> Iterator[np.ndarray]:
+        """Add records at `sites`, and yield their numbers. If the block fails, drop them: their columns are empty."""
+        first = self.append(sites)
+        try:
+            yield first + np.arange(len(sites))
+        except BaseException:
+            self.truncate(first)
+            raise
 
     def truncate(self, count: int) -> None:
         """Drop every record from number `count` on; 0 drops all."""

@@ -105,12 +105,8 @@ class RecordGatherer(Owner):
         gather, light, reduction = self.gathers.probe(self.basis, SIDES[0]), self.light(shadows), self.gathers.reduction(False)
         done = 0
         for some in gather.batches(len(sites), budget):
-            first = probes.append(sites[some])
-            try:
-                gather_records(gather, reduction, light, probes, np.arange(first, probes.count), self.settings.seed, self.timers)
-            except BaseException:
-                probes.truncate(first)  # their columns are empty
-                raise
+            with probes.adding(sites[some]) as numbers:
+                gather_records(gather, reduction, light, probes, numbers, self.settings.seed, self.timers)
             done = some.stop
         return done
 
@@ -406,13 +402,8 @@ class RecordGatherer(Owner):
         """
         done, size = 0, size or self._provisional_side
         for some in self.gathers.gather(self.basis, size).batches(len(sites), budget):
-            first = self.cache.append(sites[some])
-            numbers = first + np.arange(some.stop - some.start)
-            try:
+            with self.cache.adding(sites[some]) as numbers:
                 self.cache.column("gather_size")[numbers] = self._gather(shadows, numbers, size, np.full(len(numbers), near))
-            except BaseException:
-                self.cache.truncate(first)  # their columns are empty
-                raise
             done = some.stop
         return done
 
