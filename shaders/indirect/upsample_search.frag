@@ -12,8 +12,6 @@ uniform sampler2D weight;    // Σw of the coarse pixels
 layout(location = 0) out vec4 out_sums;    // E and 1
 layout(location = 1) out vec2 out_weight;  // Σw of the nearest coarse pixel, and Y²: no inter-record variance
 
-const float OTHER_SURFACE = 1e-4;  // weight of coarse pixels on other surfaces: they count only without a pixel on this surface
-
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy), first = pixel / 2, last = textureSize(sums, 0) - 1;
@@ -25,8 +23,7 @@ void main()
         ivec2 off = ivec2(i & 3, i >> 2) - 1, at = clamp(first + off, ivec2(0), last);
         vec3 q = texel_at(position, 2 * at).xyz, m = texel_at(normal, 2 * at).xyz;
         vec4 sum = texel_at(sums, at);
-        float cosine = max(dot(n, m), 0.01), d = distance(vec2(off), offset);
-        float share = exp2(-2.0 * d * d) * (same_surface(p, n, q, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
+        float share = bilateral_weight(p, n, q, m, distance(vec2(off), offset));
         out_sums += sum.a > COVERED ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
     }
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);

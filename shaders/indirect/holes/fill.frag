@@ -12,8 +12,6 @@ uniform int pixel_stride;         // pixels of the g-buffer per pixel of the sum
 
 layout(location = 0) out vec4 out_sums;  // E and 1; 0 without any light
 
-const float OTHER_SURFACE = 1e-4;  // weight of cells on other surfaces: they count only without a cell on this surface
-
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy) * pixel_stride, last = textureSize(light, 0) - 1;
@@ -26,9 +24,7 @@ void main()
         ivec2 cell = nearest + ivec2(i % 3, i / 3) - 1, inside = clamp(cell, ivec2(0), last);
         vec4 q = texel_at(cell_position, inside), E = texel_at(light, inside);
         vec3 m = texel_at(cell_normal, inside).xyz;
-        float cosine = max(dot(n, m), 0.01);
-        vec2 apart = vec2(cell) - place;
-        float share = exp2(-2.0 * dot(apart, apart)) * (same_surface(p, n, q.xyz, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
+        float share = bilateral_weight(p, n, q.xyz, m, distance(vec2(cell), place));
         out_sums += E.a > 0.0 ? share * vec4(E.rgb / E.a, 1.0) : vec4(0.0);
     }
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);
