@@ -31,11 +31,6 @@ class Backdrop:
     scene: Scene = Scene((), (), ())
     maps: SkyMaps | None = None
 
-    @property
-    def sky_uniforms(self) -> Uniforms:
-        """The uniforms of shaders/lighting/sky.glsl."""
-        return sky_uniforms(self.scene, self.maps)
-
     def uniforms(self, camera: Camera, size: tuple[int, int]) -> Uniforms:
         """Return the uniforms of shaders/image/backdrop.glsl for a view of `size` (width, height)."""
         seen: Uniforms = {} if self.maps is None else {"sky_seen": self.maps.seen}
@@ -44,7 +39,7 @@ class Backdrop:
             "pixel_rays": pixel_rays(camera, size),
             "picture_corner": camera.corner(),
         }
-        return {**self.sky_uniforms, **seen, **where}
+        return {**sky_uniforms(self.scene, self.maps), **seen, **where}
 
     @property
     def sky_terms(self) -> int:

@@ -36,12 +36,6 @@ vec3 sky_along(vec4 direction, SkyFrame frame)
 {
     return sky_radiance(frame * direction.xyz, direction.w / direction.z);
 }
-
-// Return the approximate irradiance of the unoccluded sky at a unit normal, W/m².
-vec3 sky_irradiance(vec3 normal)
-{
-    return PI * sky_radiance(sky_from_world * normal, 2.0);
-}
 #else
 uniform vec3 sky;           // mean radiance, W/(m² sr)
 uniform vec3 sky_gradient;  // additional radiance at the zenith, W/(m² sr)
