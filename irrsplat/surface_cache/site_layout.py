@@ -115,18 +115,21 @@ class SiteChooser:
     reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
 
-    def layout(self) -> Steps[tuple[SiteLayout, Clusters]]:
-        """Choose the sites: all steps in their order. Return also the members that they represent, with the numbers of their
-        values."""
-        clusters, first = yield from self._cluster()
-        chosen = yield from self._assign(clusters, first)
+    def layout(self) -> Steps[SiteLayout]:
+        """Choose the sites: all steps in their order."""
+        clusters, chosen = yield from self.choose()
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
         cells = yield from self._cells(clusters)
         level, table = clusters.level[at], clusters.tessellation.table
-        return SiteLayout(clusters.sites(at), area.astype(float), level, table, cells), clusters
+        return SiteLayout(clusters.sites(at), area.astype(float), level, table, cells)
+
+    def choose(self) -> Steps[tuple[Clusters, np.ndarray]]:
+        """Return the clusters with the numbers of their members' values, and the members (S,) that are sites."""
+        clusters, first = yield from self._cluster()
+        return clusters, (yield from self._assign(clusters, first))
 
     def _cluster(self) -> Steps[tuple[Clusters, Choice]]:
         """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites.

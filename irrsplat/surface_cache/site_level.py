@@ -21,11 +21,10 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.light_difference import LightDifference
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
-from irrsplat.surface_cache.site_places import Survey, members_places
+from irrsplat.surface_cache.site_places import Survey
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
@@ -37,7 +36,7 @@ _STILL = 3  # ticks without a change, after which sites are chosen again for the
 class _Steps:
     """The unfinished steps of a level."""
 
-    choosing: Steps[tuple[SiteLayout, Clusters]] | None = None
+    choosing: Steps[SiteLayout] | None = None
     survey: Survey | None = None
     drawing: Steps[Sites] | None = None
     bouncing: Steps[BouncedLight] | None = None
@@ -246,13 +245,10 @@ class SiteLevel(Owner):
         if self.sites is None:
             steps = self._steps
             steps.choosing = steps.choosing or SiteChooser(self.world.scene, self._rays.reach, self.detail).layout()
-            chosen = budget.advance(steps.choosing)
-            if chosen is None:
+            layout = budget.advance(steps.choosing)
+            if layout is None:
                 return None
-            layout, clusters = chosen
             self.sites, steps.choosing = SurfaceSites(self.world.ctx, layout), None
-            if self.detail.level < 0:  # a survey takes a sixth of the time to the first light, and hardly changes the error
-                self.sites.places = members_places(layout.sites, clusters, self.settings.seed)
         return self.sites
 
     def _find_places(self, sites: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> bool:

@@ -4,8 +4,7 @@ A site represents its whole cluster, such as the bright and the dark side of a m
 site as the only ray origin, a dark site in a bright cluster would lose light at each bounce. The rays of a site therefore start
 from PLACES places. These are hits of other sites' rays, drawn in proportion to the light that each hit transports. The value of
 the site is then the mean over the visible part of its cluster: a Galerkin projection (Zatz 1993, "Galerkin Radiosity") by the
-measure of the hits, which conserves the transported light. A coarse level draws its places from the members of the clusters, by
-their area.
+measure of the hits, which conserves the transported light.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import numpy as np
 from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.gather.record_frame import PLACES
-from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.transport import RayHits, Transport
 
@@ -95,18 +93,6 @@ class Survey:
             seen = self.transport.backward(seen)
             importance = importance + seen
         return importance
-
-
-def members_places(sites: Sites, clusters: Clusters, seed: int) -> Sites:
-    """Return (S·PLACES,) places of the `sites`, site by site, drawn among the members that they represent, by area."""
-    value, count = clusters.value, len(sites)
-    weight = np.where(value >= FIRST_SITE, clusters.area, 0.0)
-    drawn = _drawn(np.maximum(value, 0), weight, clusters.members.position, count, seed)
-    places, met = sites[np.repeat(np.arange(count), PLACES)], drawn >= 0
-    members = clusters.sites(drawn[met])
-    for name in ("position", "normal", "geometric", "triangle"):
-        getattr(places, name)[met] = getattr(members, name)
-    return places
 
 
 def _drawn(sites: np.ndarray, weight: np.ndarray, position: np.ndarray, count: int, seed: int) -> np.ndarray:

@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 from irrsplat import Renderer
-from irrsplat.gather.record_frame import PLACES
 from irrsplat.gpu import world
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
 from irrsplat.image.view import Progress
 from irrsplat.scene.model import Light
 from irrsplat.scene.spatial.bvh import Bvh, build
-from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE
+from irrsplat.surface_cache.site_layout import COARSE
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import box, material, point_light, quad, scene, sphere
@@ -126,8 +125,7 @@ def test_coarse_light_does_not_wait_for_the_tree(
     """Only virtual point lights need the tree of a large scene: the first records are gathered while it is built, and the last
     ones with those lights.
 
-    The first have 16×16 rays, whose noise is less than the error of coarse light; all are gathered again. Rays of coarse sites
-    start at members of their clusters.
+    The first have 16×16 rays, whose noise is less than the error of coarse light; all are gathered again.
     """
     pytest.importorskip("embreex")
     built = Event()
@@ -143,11 +141,6 @@ def test_coarse_light_does_not_wait_for_the_tree(
         early = ticks(renderer, lambda now: now.records > 20)
         assert not renderer.world.has_tree and early.surface < 1.0 and not early.still
         assert (renderer.cache.column("gather_size") == 16).all()
-        surface = renderer.scheduler.gatherer.surface_now
-        assert surface is not None and surface.sites is not None and surface.sites.places is not None
-        represented, places = clusters(renderer.world, COARSE), surface.sites.places.position
-        there = (places[:, None] == represented.members.position).all(-1)
-        assert (there & (np.arange(len(places))[:, None] // PLACES == represented.value)).any(1)[FIRST_SITE * PLACES :].all()
         built.set()
         ticks(renderer, lambda now: now.still)
         assert not (renderer.cache.column("gather_size") == 16).any()

@@ -193,9 +193,9 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 
 def clusters(world: World, detail: Detail) -> Clusters:
     """Return the members that the sites of a surface cache of this `detail` represent."""
-    made = Budget(None).advance(SiteChooser(world.scene, world.caster.reach, detail).layout())
+    made = Budget(None).advance(SiteChooser(world.scene, world.caster.reach, detail).choose())
     assert made is not None
-    return made[1]
+    return made[0]
 
 
 def oracle(
