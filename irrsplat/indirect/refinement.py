@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -41,6 +42,15 @@ _STEP = 2.0  # levels at once
 _FINEST = 256  # side of the finest gather
 _RAYS = 2.0  # of the squared target error: the greatest ray noise of a record, since several contribute to a pixel
 _AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
+
+
+class _Given(NamedTuple):
+    """The arguments of the last `advance`. target: greatest relative error."""
+
+    target: float
+    gbuffer: GBuffer
+    shadows: ShadowMaps
+    budget: Budget
 
 
 class Refiner(Owner):
@@ -85,7 +95,7 @@ class Refiner(Owner):
 
         on_pause: called after each part of a step.
         """
-        self._target, self._gbuffer, self._shadows, self._budget = target, gbuffer, shadows, budget
+        self._given = _Given(target, gbuffer, shadows, budget)
         try:
             while not self.ended:
                 enough = not self.scheduler.room or (self.error is not None and self.error <= target)
@@ -113,7 +123,7 @@ class Refiner(Owner):
                 return
             tested = tested.including(check)
             off = math.hypot(math.sqrt(check.mean_uncertainty * tested.ratio), surface_error)
-            aim = max(self._target * check.mean, off / _AIM)
+            aim = max(self._given.target * check.mean, off / _AIM)
             finer = self._side(doublings + 1) > self._side(doublings)
             if finer and check.mean_uncertainty * tested.ray_ratio > _RAYS * aim**2:
                 tested, doublings = replace(tested, rays=tested.rays / GAIN), doublings + 1
@@ -130,7 +140,7 @@ class Refiner(Owner):
 
             choosing, index = in_background(partial(_finer_by, check.uncertainty)), 1 - index
             yield
-            while (more := self._budget.advance(choosing)) is None:
+            while (more := self._given.budget.advance(choosing)) is None:
                 yield
             levels = np.minimum(levels + more, _MOST).astype("f4")
             # the share of the records' reach that counts
@@ -138,10 +148,10 @@ class Refiner(Owner):
             self._splats[index].forget()
             side, sizes = self._side(doublings), cache.column("gather_size")
             coarse = np.where(sizes > 0, sizes, self._side(0)) < side
-            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._gbuffer, camera) > 0.0))
+            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._given.gbuffer, camera) > 0.0))
             yield
             while len(left):
-                left = left[gatherer.regather(self._shadows, left, self._budget, side) :]
+                left = left[gatherer.regather(self._given.shadows, left, self._given.budget, side) :]
                 yield
             if not (yield from self._fill(camera, index, side)):
                 return
@@ -155,7 +165,7 @@ class Refiner(Owner):
         """Return the sums of all records in one of the two buffers; pause while input waits."""
         while True:
             try:
-                return self._splats[index].update(self.cache, self._gbuffer, camera, self.scheduler.settings, 1, reach)
+                return self._splats[index].update(self.cache, self._given.gbuffer, camera, self.scheduler.settings, 1, reach)
             except InputWaits:
                 yield
 
@@ -169,16 +179,16 @@ class Refiner(Owner):
         if surface is None or not surface.may_refine:
             yield
             return known
-        while not surface.refine(self._shadows, self._budget):
+        while not surface.refine(self._given.shadows, self._given.budget):
             yield
         yield
         changes = np.zeros((0, 3))
         while len(changes) < cache.count:
             numbers = np.arange(len(changes), cache.count)
-            more = gatherer.correct_by_refinement(self._shadows, numbers, self._budget)
+            more = gatherer.correct_by_refinement(self._given.shadows, numbers, self._given.budget)
             changes = np.concatenate([changes, more])
             yield
-        pixels_covered = self.scheduler.pixels_covered(self._gbuffer, camera)[:, None]
+        pixels_covered = self.scheduler.pixels_covered(self._given.gbuffer, camera)[:, None]
         weights = pixels_covered / max(float(pixels_covered.sum()), 1e-20)
         error = _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))
         self._surface_error = surface.refinements, error
@@ -190,7 +200,7 @@ class Refiner(Owner):
     def _test(self, step: int, doublings: int) -> Steps[Check | None]:
         """Gather at random pixels, as finely as the records of the picture, and some more finely. Return None without pixels."""
         gatherer, cache = self.scheduler.gatherer, self.cache
-        seen = read_back(self._gbuffer)
+        seen = read_back(self._given.gbuffer)
         assert self.splats is not None
         if not seen.mask.any():  # as for a view past the scene
             self.error = 0.0
@@ -198,17 +208,17 @@ class Refiner(Owner):
         seed, off = (self.scheduler.settings.seed, step), SMOOTH_OFF * gatherer.world.scene.diagonal
         drawn = drawing(seen, self.splats, seed, off)
         yield
-        while (check := self._budget.advance(drawn)) is None:
+        while (check := self._given.budget.advance(drawn)) is None:
             yield
         first, done, side = cache.count, 0, self._side(doublings)
         yield
         while done < len(check.sites):
-            done += gatherer.gather(self._shadows, check.sites[done:], self._budget, side)
+            done += gatherer.gather(self._given.shadows, check.sites[done:], self._given.budget, side)
             yield
         coarse, done = cache.values[first:, :3].astype(float), 0
         again, side = check.again, self._side(doublings + 1)
         while done < len(again):
-            done += gatherer.regather(self._shadows, first + again[done:], self._budget, side)
+            done += gatherer.regather(self._given.shadows, first + again[done:], self._given.budget, side)
             yield
         return replace(check, coarse=coarse, fine=cache.values[first + again, :3])
 
@@ -220,8 +230,8 @@ class Refiner(Owner):
             splats = yield from self._splatted(camera, index, self._reach[index])
             of = splats, settings.request_criteria
             if not fill.ended(of):
-                screen = self.scheduler.screen(self._gbuffer, splats, camera)
-                fill, *_ = self.scheduler.gather_missing(fill, screen, self._shadows, camera, self._budget, side)
+                screen = self.scheduler.screen(self._given.gbuffer, splats, camera)
+                fill, *_ = self.scheduler.gather_missing(fill, screen, self._given.shadows, camera, self._given.budget, side)
             if fill.ended(of):
                 self.splats = splats
                 yield

@@ -63,8 +63,8 @@ class SiteLevel(Owner):
         self.complete = False
         self.sites: SurfaceSites | None = None
         self.follower: Follower | None = None
-        self._before: BouncedLight | None = None  # the light before `difference`
-        self.difference: LightDifference | None = None  # between this light and the scene's; None: all is gathered again
+        # between the light and the scene's, and the light before; None: all is gathered again
+        self.difference: tuple[LightDifference, BouncedLight | None] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -115,7 +115,7 @@ class SiteLevel(Owner):
 
         difference: of the light, if it may be added, see `may_add`. finish: True if half-made values are completed first.
         """
-        self.difference, self._before = difference, self.light
+        self.difference = None if difference is None else (difference, self.light)
         unlit, self._unlit = self._unlit, self.world.unlit_interiors
         old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
@@ -193,7 +193,7 @@ class SiteLevel(Owner):
             if sites is None or not self._find_places(sites, shadows, budget):
                 return False
             if self.difference is not None:
-                return self._add(self.difference, sites, budget)
+                return self._add(*self.difference, sites, budget)
             self._gather_sites(sites, shadows, budget)
             if len(sites.records.stale):
                 return False
@@ -210,16 +210,16 @@ class SiteLevel(Owner):
             self.expire()
         return True
 
-    def _add(self, difference: LightDifference, sites: SurfaceSites, budget: Budget) -> bool:
-        """Continue the `difference` between the sites within the budget. Return True once it is added."""
+    def _add(self, difference: LightDifference, before: BouncedLight | None, sites: SurfaceSites, budget: Budget) -> bool:
+        """Continue the `difference` between the sites within the budget. Return True once it is added to the light `before`."""
         if not difference.bounce(sites, self.detail, budget):
             return False
-        assert self._before is not None
+        assert before is not None
         records, numbers, (first, bounced) = sites.records, np.arange(sites.records.count), difference.at_sites
         records.correct({"irradiance": np.maximum(records.read()["irradiance"] + first, 0.0)}, numbers)
         records.mark_refreshed(numbers)
         self.difference = None
-        self._use(sites, replace(self._before, irradiance=np.maximum(self._before.irradiance + bounced, 0.0)))
+        self._use(sites, replace(before, irradiance=np.maximum(before.irradiance + bounced, 0.0)))
         return True
 
     def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:
