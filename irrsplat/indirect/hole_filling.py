@@ -21,7 +21,7 @@ from irrsplat.scene.model import Camera
 _CELLS = 20_000  # cells of a picture, about: a probe in each takes a fraction of a second
 FIRST = 10_000  # probes for the first picture: half of the cells
 _MOST = 1 << 15  # greatest number of probes: a flight's earlier ones go
-_STEPS = 1, 2, 4  # distances of the filter's samples in its steps, cells; without other light, further ones reach all cells
+_STEPS = 1, 2, 4  # distances of the filter's samples in its steps, cells; without a surface cache, further steps light all others
 _HOLES = DrawState(depth="<", depth_write=False)  # draws at marked pixels alone
 _SPARSE = 16  # width of the square of cells that probes fill evenly, from sparse to dense
 
@@ -136,7 +136,7 @@ class HoleFilling(Owner):
         """
         self._draw_samples(gbuffer, splats, camera, probes, surface)
         position, normal, rest, *samples = self._cells.textures
-        steps = _STEPS if surface or probes is not None else 1 << np.arange(max(self.grid).bit_length())
+        steps = _STEPS if surface else 1 << np.arange(max(self.grid).bit_length())
         for number, step in enumerate(steps):
             target = self._target(f"step {number % 2}", (4, 2))
             self.filter(
@@ -147,28 +147,34 @@ class HoleFilling(Owner):
                 light=samples[0],
                 near=samples[1],
                 step_size=int(step),
+                far=int(step) > _STEPS[-1],
                 width=camera.pixel(self.size) * self.side,
             )
             samples = target.textures
         target = self._marked(gbuffer, splats)
         self.fill(
             target,
-            state=_HOLES,
+            state=DrawState(depth="<"),  # filled pixels are no holes any more
             **gbuffer.surface_uniforms,
             cell_position=position,
             cell_normal=normal,
             light=samples[0],
             side=self.side,
+            surface=bool(surface),
             pixel_stride=splats.pixel_stride,
         )
-        return replace(splats, sums=target.textures[0])
+        return self._by_surface(target, gbuffer, splats, surface) if surface else replace(splats, sums=target.textures[0])
 
     def by_surface(self, gbuffer: GBuffer, splats: SplatBuffer, surface: Uniforms) -> SplatBuffer:
         """Return the sums, with the irradiance of the surface cache at pixels without a record: equal in every tile of a picture.
 
         The texture belongs to this pass.
         """
-        target, seen = self._marked(gbuffer, splats), {**gbuffer.surface_uniforms, **gbuffer.material_uniforms}
+        return self._by_surface(self._marked(gbuffer, splats), gbuffer, splats, surface)
+
+    def _by_surface(self, target: Target, gbuffer: GBuffer, splats: SplatBuffer, surface: Uniforms) -> SplatBuffer:
+        """Return the sums in `target`, with the irradiance of the surface cache at the holes that are left there."""
+        seen = {**gbuffer.surface_uniforms, **gbuffer.material_uniforms}
         self.take_surface(target, state=_HOLES, **seen, pixel_stride=splats.pixel_stride, **surface)
         return replace(splats, sums=target.textures[0])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -114,6 +114,34 @@ def test_a_picture_without_the_surface_cache_forgets_its_light(ctx: moderngl.Con
         seen = view.gbuffer, SplatBuffer(nothing, nothing), FRONT, None
         assert pixels(filling(*seen, renderer.scheduler.gatherer.surface_uniforms).sums)[..., :3].any()
         assert not pixels(filling(*seen, {}).sums).any()
+
+
+def test_light_reaches_thin_objects_between_cells_before_the_sky(ctx: moderngl.Context) -> None:
+    """The wall ends, and a column of its pixels that no cell samples lies far from the edge: it has the wall's light."""
+    view = seen(ctx, -3.0)
+    position = pixels(view.gbuffer.position).copy()
+    shown = np.zeros(SIZE[::-1], bool)
+    shown[:, :20] = shown[:, 50] = True
+    position[~shown] = 0.0
+    view = replace(view, gbuffer=replace(view.gbuffer, position=table_texture(ctx, position[::-1])))
+    with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
+        sites = filling.sites(view.gbuffer, view.empty, view.camera, probes, {})
+        probes.cache.append(sites, probed(sites))
+        sums = pixels(filling(view.gbuffer, view.empty, view.camera, probes, {}).sums)[shown]
+        assert len(sites) and np.allclose(sums, FAR, rtol=1e-4)
+
+
+@pytest.mark.few_sites
+def test_objects_between_cells_have_the_light_of_the_surface_cache(ctx: moderngl.Context) -> None:
+    """Cells sample odd columns. Surfaces that lie in even columns alone take the surface cache's values there."""
+    with Renderer(room(), SIZE, ctx=ctx, **FAST | {"bounces": 2}) as renderer, HoleFilling(ctx, SIZE) as filling:
+        view, _ = renderer.frame(FRONT)
+        nothing, position = table_texture(ctx, np.zeros((*SIZE[::-1], 4))), pixels(view.gbuffer.position).copy()
+        position[:, 1::2] = 0.0
+        gbuffer = replace(view.gbuffer, position=table_texture(ctx, position[::-1]))
+        empty, surface = SplatBuffer(nothing, nothing), renderer.scheduler.gatherer.surface_uniforms
+        found = pixels(filling(gbuffer, empty, FRONT, None, surface).sums).copy()
+        assert found[:, ::2, :3].any() and np.array_equal(found, pixels(filling.by_surface(gbuffer, empty, surface).sums))
 
 
 @pytest.mark.few_sites

@@ -8,9 +8,12 @@ uniform sampler2D cell_position;  // of the cells: world space; w: depth, 0 with
 uniform sampler2D cell_normal;
 uniform sampler2D light;          // of the cells: filtered Σ E and number of samples
 uniform int side;                 // width of a cell in pixels
+uniform bool surface;             // true if the surface cache fills holes without a cell on their surface
 uniform int pixel_stride;         // pixels of the g-buffer per pixel of the sums, in x and y
 
 layout(location = 0) out vec4 out_sums;  // E and 1; 0 without any light
+
+const float ON_SURFACE = 10.0 * OTHER_SURFACE;  // between the weights of nine cells on other surfaces, and of one on this surface
 
 void main()
 {
@@ -27,5 +30,6 @@ void main()
         float share = bilateral_weight(p, n, q.xyz, m, distance(vec2(cell), place));
         out_sums += E.a > 0.0 ? share * vec4(E.rgb / E.a, 1.0) : vec4(0.0);
     }
+    if (surface && out_sums.a < ON_SURFACE) discard;
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);
 }

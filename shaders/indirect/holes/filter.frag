@@ -8,6 +8,7 @@ uniform sampler2D rest;      // of the cells: z is 1 for a hole
 uniform sampler2D light;     // Σ E and number of samples
 uniform sampler2D near;      // Σ 1/R and number of probes
 uniform int step_size;       // distance of samples in cells
+uniform bool far;            // true if cells with light stay as they are
 uniform float width;         // of a cell at distance 1, metres
 
 layout(location = 0) out vec4 out_light;  // Σ E and effective number of samples
@@ -28,17 +29,19 @@ void main()
     float nearness = own.x / max(own.y, 1e-20);
     out_light = texel_at(light, cell);
     out_near = own;
-    if (texel_at(rest, cell).z == 0.0) return;
+    bool covered = p.w > 0.0 && texel_at(rest, cell).z == 0.0;  // the sky passes light on to thin objects between its cells
+    if (covered || far && out_light.a > 0.0) return;
     float others = min(ENOUGH / max(out_light.a, 1e-20), 1.0);
     for (int i = 0; i < 9; ++i)
     {
         ivec2 off = ivec2(i % 3, i / 3) - 1, at = cell + step_size * off;
         if (off == ivec2(0) || at != clamp(at, ivec2(0), last)) continue;
         vec4 q = texel_at(position, at), E = texel_at(light, at);
-        if (q.w == 0.0 || E.a == 0.0) continue;
+        if (E.a == 0.0) continue;
         vec3 m = texel_at(normal, at).xyz, offset = q.xyz - p.xyz;
         vec2 other = texel_at(near, at).xy;
-        float d = length(offset), rise = max(abs(dot(offset, n)), abs(dot(offset, m))) / (RISE * d + LEAST_RISE * width * p.w);
+        float d = length(offset), rise = max(abs(dot(offset, n)), abs(dot(offset, m)));
+        rise /= max(RISE * d + LEAST_RISE * width * p.w, 1e-20);
         float apart = d * max(nearness, other.x / max(other.y, 1e-20)) / WITHIN, facing = max(dot(n, m), 0.0);
         facing *= facing * facing;
         facing *= facing;
