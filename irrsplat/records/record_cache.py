@@ -259,10 +259,10 @@ class RecordCache(Owner):
 
     @contextmanager
     def adding(self, sites: Sites) -> Iterator[np.ndarray]:
-        """Add records at `sites`, and yield their numbers. If the block fails, drop them: their columns are empty."""
-        first = self.append(sites)
+        """Add records at `sites`, and yield their numbers. After a failure from here on, drop them: their columns are empty."""
+        first = self.count
         try:
-            yield first + np.arange(len(sites))
+            yield self.append(sites) + np.arange(len(sites))
         except BaseException:
             self.truncate(first)
             raise

@@ -47,6 +47,27 @@ def test_records_come_back_in_their_order(ctx: moderngl.Context, parts: tuple[in
     cache.release()
 
 
+@pytest.mark.parametrize("in_block", [False, True])
+def test_an_interruption_leaves_no_records_with_empty_columns(
+    ctx: moderngl.Context, in_block: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C comes during the block that fills the columns, or between the addition and the block."""
+    p, n, values = made_up(3)
+
+    def interrupted(*_: object) -> int:
+        append(sites(p, n))
+        raise KeyboardInterrupt
+
+    with RecordCache(ctx) as cache:
+        cache.append(sites(p, n), values)
+        append = cache.append
+        if not in_block:
+            monkeypatch.setattr(cache, "append", interrupted)
+        with pytest.raises(KeyboardInterrupt), cache.adding(sites(p, n)):
+            raise KeyboardInterrupt
+        assert np.array_equal(cache.read()["irradiance"], values[:, :3])
+
+
 def test_growth_keeps_what_the_gpu_wrote(ctx: moderngl.Context) -> None:
     """The reduction writes E and R directly into the textures: growth copies these values."""
     cache = RecordCache(ctx)
