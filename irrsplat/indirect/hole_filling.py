@@ -36,15 +36,16 @@ class HoleProbes(Owner):
     def follow(self, *light: object) -> bool:
         """Discard all probes if one of these objects differs from the last call's, and the oldest half if there are too many.
 
-        Return True if light differs.
+        Return True if probes are discarded or light differs.
         """
         other = len(light) != len(self.light) or any(a is not b for a, b in zip(light, self.light, strict=True))
         if other:
             self.cache.truncate(0)
             self.light = light
-        if self.cache.count > _MOST:
+        crowded = self.cache.count > _MOST
+        if crowded:
             self.cache.keep_only(np.arange(self.cache.count // 2, self.cache.count))
-        return other
+        return other or crowded
 
     @property
     def state(self) -> object:

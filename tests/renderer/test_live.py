@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from irrsplat import InputError, Renderer
-from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.buffers import CHANNELS, Sites
 from irrsplat.core.timing.clock import use_clock
 from irrsplat.gpu import world
 from irrsplat.image.view import Progress
@@ -86,6 +86,17 @@ def test_holes_wait_for_no_tree(monkeypatch: pytest.MonkeyPatch) -> None:
         assert renderer.stages.world.tree
         renderer.frame(seconds=0.05)
         assert renderer.scheduler.hole_probes.cache.count
+
+
+def test_a_still_view_replaces_probes_that_went_with_the_oldest() -> None:
+    """A flight has left many probes elsewhere. The half that goes includes those of the holes in view."""
+    with use_clock(RayClock(1e4)), Renderer(room(), SIZE, **FAST) as renderer:
+        renderer.frame(seconds=0.01)
+        cache = renderer.scheduler.hole_probes.cache
+        elsewhere = np.full((40_000, 3), 50.0, "f4")
+        cache.append(Sites(elsewhere, elsewhere, elsewhere), np.ones((len(elsewhere), 4), "f4"))
+        while cache.count > len(elsewhere) or (cache.positions > 2.0).all():
+            assert renderer.frame(seconds=0.01)[1].coverage < 0.9, "holes had no probe until records covered them"
 
 
 def test_the_scan_gathers_no_probes() -> None:
