@@ -32,7 +32,9 @@ void main()
     vec4 last = textureLod(shown, uv, 0.0);
     out_facing = facing_of(texel_at(normal, pixel * pixel_stride).xyz);
     bool matches = abs(last.a * clip.w - 1.0) <= OTHER_DEPTH && abs(textureLod(shown_facing, uv, 0.0).r - out_facing) <= OTHER_FACING;
-    bool reprojected = accumulating && p.w > 0.0 && matches && uv == clamp(uv, 0.0, 1.0);
+    // exposure meters black surfaces as soon as they have a little light: a share of the last light would never be 0
+    bool black = s.a > 0.0 && s.rgb == vec3(0.0);
+    bool reprojected = accumulating && p.w > 0.0 && matches && uv == clamp(uv, 0.0, 1.0) && !black;
     vec3 E = s.rgb / max(s.a, 1e-20), E_last = dimming * last.rgb / max(last.a, 1e-20);
     E = s.a > 0.0 ? (reprojected ? mix(E_last, E, share) : E) : E_last;
     bool has_light = p.w > 0.0 && (s.a > 0.0 || reprojected && kept);

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 
+import irrsplat
 from irrsplat import Renderer
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.gpu.target import pixels, table_texture
@@ -156,6 +157,24 @@ def test_records_change_the_light_of_the_surface_cache_near_them_alone(ctx: mode
             sums = table_texture(ctx, texels)
             found.append(pixels(filling(view.gbuffer, SplatBuffer(sums, sums), FRONT, None, surface).sums)[:, 32:])
         assert found[0].any() and np.array_equal(found[0], found[1])
+
+
+def test_the_black_outside_of_a_lit_box_stays_black_while_it_comes_into_view(ctx: moderngl.Context) -> None:
+    """No light reaches the outside of the left wall (x = 0), and automatic exposure meters lit surfaces alone."""
+    scene = irrsplat.load("cornell")
+    with Renderer(scene, (96, 64), ctx=ctx, gather_size=8) as renderer:
+        renderer.converge(scene.cameras[0])
+        outside, stops = list[float](), list[float]()
+        for share in np.linspace(0.0, 1.0, 12):
+            camera = Camera((0.4 - 1.8 * float(share), 3.1, -6.3 + 1.1 * float(share)), (2.78, 2.4, 2.0), fov=39.3)
+            view, _ = renderer.frame(camera, 1e-4)
+            frame = view.read()
+            wall = (np.abs(frame.position[..., 0]) < 1e-4) & (frame.normal[..., 0] < 0.0) & np.isfinite(frame.depth)
+            outside += frame.irradiance[wall].max(axis=1).tolist()
+            stops.append(renderer.automatic_stops(view))
+    lit = np.array(outside) > 1e-3  # W/m²; about 1 W/m² inside
+    assert len(lit) > 3000 and lit.mean() < 0.002
+    assert max(stops) - min(stops) < 0.1
 
 
 def test_probes_hold_while_the_light_does_and_the_oldest_go(ctx: moderngl.Context) -> None:

@@ -17,7 +17,7 @@ layout(location = 1) out vec2 out_near;   // Σ 1/R and effective number of prob
 const float WITHIN = 0.3;      // of R: distance at which the weight is 1/e
 const float RISE = 0.25;       // of the distance: height above a tangent plane at which the weight is 1/e
 const float LEAST_RISE = 0.3;  // widths of a cell: least such height
-const float OTHER = 1e-6;      // least weight, so that cells without a sample on their surface take other ones
+const float OTHER = 1e-6;      // weight of other surfaces for cells with less than this on their own
 const float ENOUGH = 4.0;      // samples of a cell, beyond which the weight of other cells falls
 
 void main()
@@ -32,6 +32,8 @@ void main()
     bool covered = p.w > 0.0 && texel_at(rest, cell).z == 0.0;  // the sky passes light on to thin objects between its cells
     if (covered || far && out_light.a > 0.0) return;
     float others = min(ENOUGH / max(out_light.a, 1e-20), 1.0);
+    vec4 other_light = vec4(0.0);
+    vec2 other_near = vec2(0.0);
     for (int i = 0; i < 9; ++i)
     {
         ivec2 off = ivec2(i % 3, i / 3) - 1, at = cell + step_size * off;
@@ -46,8 +48,13 @@ void main()
         facing *= facing * facing;
         facing *= facing;
         float kernel = off.x == 0 || off.y == 0 ? 0.5 : 0.25;  // relative to the cell's own weight
-        float weight = others * kernel * max(facing * facing * exp(-rise * rise - apart * apart), OTHER);
+        float weight = others * kernel * facing * facing * exp(-rise * rise - apart * apart);
         out_light += weight * E;
         out_near += weight * other;
+        other_light += OTHER * kernel * E;
+        other_near += OTHER * kernel * other;
     }
+    if (out_light.a >= OTHER) return;
+    out_light += other_light;
+    out_near += other_near;
 }
