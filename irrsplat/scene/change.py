@@ -73,6 +73,11 @@ class SceneChange:
         return factor
 
     @property
+    def was_dark(self) -> bool:
+        """True if no light, sky or surface of `old` emits."""
+        return not (any(any(light.color) for light in self.old.lights) or emits(self.old).any())
+
+    @property
     def hides(self) -> bool:
         """True if a mesh was hidden or is visible again (see motion.hidden)."""
         return any(self.old.meshes[i].is_point != self.new.meshes[i].is_point for i in self.moved)

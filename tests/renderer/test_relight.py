@@ -210,6 +210,19 @@ def test_no_picture_is_worse_once_a_carried_light_rests() -> None:
     assert max(errors[len(carried) :]) < errors[len(carried) - 1] < 0.1
 
 
+def test_the_third_picture_is_lit_everywhere_once_the_only_light_is_on_again() -> None:
+    """Records of a dark scene are removed. Probes fill the holes, where black records would be gathered again one by one."""
+    cornell = irrsplat.load("cornell")
+    with use_clock(RayClock(1e6)), Renderer(cornell, (64, 48)) as renderer:
+        reference = renderer.render().irradiance
+        renderer.relight([coloured(cornell.lights[0], 0.0)])
+        view, progress = renderer.frame(seconds=0.05)
+        assert progress.records and not view.read().irradiance.any()
+        renderer.relight(cornell.lights)
+        *_, found = (renderer.frame(seconds=0.05)[0].read().irradiance for _ in range(3))
+    assert np.sqrt(np.mean((found - reference) ** 2)) < 0.25 * reference.mean(), "0.19; 0.70 with black records"
+
+
 def test_records_by_present_light_take_no_former_change_of_the_surface_cache() -> None:
     """A light is carried from the first tick on, in flight: coarse values wait for the first records, and then follow at once.
 

@@ -213,7 +213,7 @@ class RecordGatherer(Owner):
         changed: lights whose difference is added to the records.
         """
         cache, kept, was, settings = self.cache, None, old.settings, new.settings
-        if _places(was) != _places(settings):
+        if _places(was) != _places(settings) or change.was_dark:  # pixels without a record show probes, and black ones would stay
             cache.truncate(0)
         if change.moved:
             kept = cache.move_with_meshes(change)
