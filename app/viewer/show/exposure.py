@@ -26,8 +26,8 @@ class AutoExposure:
     """The exposure in stops, equal on both sides for comparison; NaN before the first picture.
 
     The first picture with indirect light sets the exposure at once. Afterwards the exposure moves by at most _FASTEST. It stays
-    in a view that is black even with _MOST, within _SLACK of an incomplete view, and in a complete or relit view until another
-    input than lights and blend changes: less light makes a view darker.
+    in a view that is black even with _MOST, and within _SLACK of an incomplete view. It stays in a complete view, and from the
+    first edit of lights or blend, until another input changes: less light makes a view darker.
     """
 
     def __init__(self) -> None:
@@ -36,8 +36,8 @@ class AutoExposure:
         self._lit = False  # True after the first picture with indirect light
         self._view: View | None = None  # the last metered view
         self._inputs: object = None  # the inputs of the last view, without its lights and its blend
-        self._lights: object = None  # of the last view
-        self._metered = False  # True once a complete view of these inputs has been metered, or the lights have changed
+        self._edited: object = None  # lights and blend of the last view
+        self._metered = False  # True once a complete view of these inputs has been metered, or lights or blend have changed
 
     @property
     def settled(self) -> bool:
@@ -51,9 +51,9 @@ class AutoExposure:
             self._view, self._lit = None, True
             return
         inputs = view.camera, Identity(renderer.scene.meshes), replace(renderer.settings, blend=0.0)
-        relit, self._lights, before = renderer.scene.lights != self._lights, renderer.scene.lights, self._lit
-        self._metered = (self._metered or (relit and self._lit)) and inputs == self._inputs
-        self._inputs = inputs
+        edited, before = (renderer.scene.lights, renderer.settings.blend), self._lit
+        self._metered = (self._metered or (before and edited != self._edited)) and inputs == self._inputs
+        self._inputs, self._edited = inputs, edited
         if view is not self._view and not self._metered:
             self._view, found = view, renderer.automatic_stops(view)
             if found != 0.0 and (found < _MOST or not self._lit):  # 0 or more than _MOST means an unlit picture
