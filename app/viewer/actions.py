@@ -219,7 +219,9 @@ class Actions:
             then()
 
     def _unless_unsaved(self, act: Callable[[], object]) -> None:
-        """Call `act`. If there are unsaved changes, open the prompt about them first."""
+        """Write the flight that is recorded, and call `act`. If there are unsaved changes, open the prompt about them first."""
+        if self.session.path_recorder.recording is not None:
+            self.attempt(self.record)
         if self.editor.unsaved:
             self.prompt = prompts.unsaved(self, act)
         else:

@@ -45,7 +45,7 @@ def test_a_key_does_its_action(driver: Driver, group: str) -> None:
 
 @case("R")
 def record(driver: Driver, shown: str) -> None:
-    """The recorded path follows the flight at 30 frames per second."""
+    """The recorded path follows the flight at 30 frames per second. Quit writes a flight that is still recorded."""
     begin, speed = driver.session.camera, driver.session.free_camera.speed
     push(driver, "R")
     for _ in range(10):
@@ -56,6 +56,10 @@ def record(driver: Driver, shown: str) -> None:
     path = load_path(max(Path().glob("flight-room-*.path")), begin.fov)
     assert path.frames == 1 + 30 * 1.4, "1.45 s are recorded, a key every 0.2 s"
     assert begin.eye[2] - path.camera(24).eye[2] == pytest.approx(0.8 * speed, abs=0.1 * speed), "where it was after 0.8 s"
+    push(driver, "R")
+    driver.actions.quit()
+    driver.actions.quitting = False
+    assert len(list(Path().glob("flight-room-*.path"))) == 2 and driver.session.path_recorder.recording is None
 
 
 # ---- buffers, overlays, cache ----------------------------------------------------------------------------------------------
