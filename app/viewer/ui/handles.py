@@ -23,6 +23,7 @@ _gizmo = imguizmo.im_guizmo
 _NEAR, _FAR = 1e-3, 1e3  # scene diagonals: the clip planes of the handles' projection
 _SIZE = 0.16  # share of the picture: the size of the handles
 _SUN = 0.2  # share of the distance from the eye: the length of the axis of a directional light
+_LABELLED = 0.1, 1e4  # metres: the diagonals of scenes whose handles have metres as their unit, which labels of drags show
 _NOISE = 1e-6  # scene diagonals: rounding of ImGuizmo's float32
 
 
@@ -97,10 +98,14 @@ def _dragged(actions: Actions, layout: Layout, number: int, place: np.ndarray) -
     _gizmo.allow_axis_flip(False)
     _gizmo.set_gizmo_size_clip_space(_SIZE)
     _gizmo.set_rect(*layout.picture[:2], width, height)
-    metres = editor.loaded.diagonal  # ImGuizmo hides handles within a millimetre of the eye
+    diagonal = editor.loaded.diagonal
+    metres = 1.0 if _LABELLED[0] <= diagonal <= _LABELLED[1] else diagonal  # ImGuizmo hides handles within 0.001 of the eye
     view_from_world, matrix = camera.view_from_world.copy(), np.eye(4)
     view_from_world[:3, 3] /= metres
-    views = _matrix16(view_from_world), _matrix16(camera.clip_from_view(width / max(height, 1.0), _NEAR, _FAR))
+    views = (
+        _matrix16(view_from_world),
+        _matrix16(camera.clip_from_view(width / max(height, 1.0), _NEAR * diagonal / metres, _FAR * diagonal / metres)),
+    )
     matrix[:3, 3] = place / metres
     placed = _matrix16(matrix)
     _gizmo.push_id(number)
@@ -111,7 +116,7 @@ def _dragged(actions: Actions, layout: Layout, number: int, place: np.ndarray) -
     after = np.asarray(placed.values, float)[12:15] * metres
     if not changed or not np.isfinite(after).all():
         return None
-    after = np.where(np.abs(after - place) < _NOISE * metres, place, after)
+    after = np.where(np.abs(after - place) < _NOISE * diagonal, place, after)
     return None if np.array_equal(after, place) else after
 
 
