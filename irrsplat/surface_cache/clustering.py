@@ -29,37 +29,23 @@ _CLEARANCE = 1.2  # of the height at which tangents meet: clearance of a bent li
 Choice = tuple[np.ndarray, np.ndarray]  # the sites among members, as their numbers, and the site of each, see choose_sites
 
 
-@dataclass(frozen=True)
-class Members:
-    """M points, each on one side of its surface.
-
-    position: (M, 3) on the surface. eye: (M, 3) above the position by the offset of a record's eye. normal, geometric: (M, 3)
-    unit normals on the member's side.
-    """
-
-    position: np.ndarray
-    normal: np.ndarray
-    geometric: np.ndarray
-    eye: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def __getitem__(self, some: np.ndarray) -> Members:
-        return Members(*(getattr(self, name)[some] for name in ("position", "normal", "geometric", "eye")))
-
-
-def both_sides(tessellation: Tessellation, offset: float, outer: np.ndarray, inner: np.ndarray) -> Members:
-    """Return the points `outer` (N,) on their front by the winding, then `inner` (K,) on their back; eyes `offset` metres up."""
-    position = tessellation.position[np.concatenate([outer, inner])]
+def both_sides(tessellation: Tessellation, outer: np.ndarray, inner: np.ndarray) -> Sites:
+    """Return the points `outer` (N,) on their front by the winding, then `inner` (K,) on their back."""
+    both = np.concatenate([outer, inner])
     normal, geometric = (np.concatenate([n[outer], -n[inner]]) for n in (tessellation.normal, tessellation.geometric))
-    return Members(position, normal, geometric, position + np.float32(offset) * geometric)
+    return Sites(tessellation.position[both], normal, geometric, tessellation.face[both])
 
 
-def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
+def eyes(members: Sites, at: np.ndarray | slice, offset: float) -> np.ndarray:
+    """Return (N, 3) metres, points above the members `at` (N,) by the `offset` of a record's eye."""
+    above: np.ndarray = members.position[at] + np.float32(offset) * members.geometric[at]
+    return above
+
+
+def sees_nothing(members: Sites, bounds: np.ndarray, offset: float) -> np.ndarray:
     """Return (M,) True where the box `bounds` (2, 3) lies below a member's surface, so that only the sky is visible."""
     farthest = np.where(members.geometric > 0.0, bounds[1], bounds[0])  # the highest corner above the surface
-    below: np.ndarray = ((farthest - members.eye) * members.geometric).sum(1) <= 0.0
+    below: np.ndarray = ((farthest - eyes(members, slice(None), offset)) * members.geometric).sum(1) <= 0.0
     return below
 
 
@@ -140,17 +126,16 @@ def choose_sites(keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_a
 class Clusters:
     """The tessellation, M members on its two sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
 
-    area: (M,) area that each member represents, m². face, mesh: (M,) numbers of its triangle and of its mesh. member: (2, P)
-    number of the member for each side of each point of the tessellation. value: (M,) numbers of the members' values; -1 until
-    SiteChooser fills the values that need a gather. level: (M,) number of times that the size of the cluster is halved.
+    area: (M,) area that each member represents, m². mesh: (M,) number of its mesh. member: (2, P) number of the member for each
+    side of each point of the tessellation. value: (M,) numbers of the members' values; -1 until SiteChooser fills the values that
+    need a gather. level: (M,) number of times that the size of the cluster is halved.
     """
 
     tessellation: Tessellation
-    members: Members
+    members: Sites
     keys: np.ndarray
     spacing: float
     area: np.ndarray
-    face: np.ndarray
     mesh: np.ndarray
     member: np.ndarray
     value: np.ndarray
@@ -182,17 +167,12 @@ class Clusters:
         """Return the clusters with one member for all members without a value in one part of this `width`, see `parts`."""
         parts = np.where(self.value < 0, self.parts(slice(None), width), -2 - np.arange(len(self.value)))
         kept, which = choose_sites(parts, self.members.position, self.area, 0.0, len(parts))
-        columns = {name: getattr(self, name)[kept] for name in ("members", "keys", "face", "mesh", "value", "level")}
+        columns = {name: getattr(self, name)[kept] for name in ("members", "keys", "mesh", "value", "level")}
         area = np.bincount(which, self.area, len(kept))
         return replace(self, member=which[self.member], area=area, **columns)
 
-    def sites(self, at: np.ndarray) -> Sites:
-        """Return the members `at` (N,) as places for records."""
-        members = self.members
-        return Sites(members.position[at], members.normal[at], members.geometric[at], self.face[at])
 
-
-def near_sites(members: Members, requesting: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:
+def near_sites(members: Sites, requesting: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:
     """Return (N, most), the nearest sites to each of the members `requesting` (N,), the nearest first, as indices into `sites`.
 
     Sites face alike and lie in a member's block, the smallest one with enough of them. Entries are -1 where there are no more.
@@ -226,25 +206,25 @@ def near_sites(members: Members, requesting: np.ndarray, sites: np.ndarray, size
     return found
 
 
-def raised_lines(members: Members, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return starts and ends (N, 3) of the lines from members `a` to members `b` (N,), raised by a part of their length.
+def raised_lines(members: Sites, a: np.ndarray, b: np.ndarray, offset: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return starts and ends (N, 3) of the lines from eyes of members `a` to those of `b` (N,), raised by a part of their length.
 
     Where an object is closer to the surface than that, as a wall with a gap below, little light crosses, though a and b see each
     other through the gap.
     """
-    start, end = members.eye[a], members.eye[b]
+    start, end = (eyes(members, at, offset) for at in (a, b))
     rise = np.float32(_RAISED) * np.linalg.norm(end - start, axis=-1, keepdims=True)
     return start + rise * members.geometric[a], end + rise * members.geometric[b]
 
 
-def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sight_lines(members: Sites, a: np.ndarray, b: np.ndarray, offset: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return starts and ends (N + K, 3) of the segments that are free where members `a` (N,) see members `b`.
 
     The first N segments start at the eyes of `a`. Where the surface is concave or flat, they end at those of `b`. Where it is
     convex, a second segment follows. Both meet slightly above the point where the tangents of an arc between a and b
     meet. The third result has the numbers (K,) of first segments that have a second one.
     """
-    start, end = members.eye[a], members.eye[b]
+    start, end = (eyes(members, at, offset) for at in (a, b))
     n_a, n_b = members.geometric[a], members.geometric[b]
     bent = np.flatnonzero(np.einsum("nx,nx->n", end - start, n_b - n_a) > 0.0)
     from_a, to_b, apart, both = start[bent], end[bent], n_b[bent] - n_a[bent], n_a[bent] + n_b[bent]

@@ -23,7 +23,7 @@ from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import CLOSED, face_counts, sort_of
 from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
-from irrsplat.surface_cache.clustering import Choice, Clusters, Members
+from irrsplat.surface_cache.clustering import Choice, Clusters
 from irrsplat.surface_cache.tessellation import tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
@@ -115,6 +115,11 @@ class SiteChooser:
     reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
 
+    @property
+    def offset(self) -> float:
+        """Height of a record's eye above its surface, metres."""
+        return offset_of(self.scene)
+
     def layout(self) -> Steps[SiteLayout]:
         """Choose the sites: all steps in their order."""
         clusters, chosen = yield from self.choose()
@@ -124,7 +129,7 @@ class SiteChooser:
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
         cells = yield from self._cells(clusters)
         level, table = clusters.level[at], clusters.tessellation.table
-        return SiteLayout(clusters.sites(at), area.astype(float), level, table, cells)
+        return SiteLayout(clusters.members[at], area.astype(float), level, table, cells)
 
     def choose(self) -> Steps[tuple[Clusters, np.ndarray]]:
         """Return the clusters with the numbers of their members' values, and the members (S,) that are sites."""
@@ -174,21 +179,20 @@ class SiteChooser:
 
         Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
         """
-        offset = offset_of(self.scene)
         meshes = in_order(self.scene)
         mesh = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         emits = np.array([any(one.material.emission) for one in meshes], bool)[mesh[: len(faces)]]
         lights = _steep_places(self.scene, vertices, faces[emits], spacing)
-        tessellation = tessellate(vertices, faces, spacing * wider, offset, lights, ~emits)
+        tessellation = tessellate(vertices, faces, spacing * wider, self.offset, lights, ~emits)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
         inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one member represents all unlit interiors
         number = np.full(len(points), len(inner) - 1)
         number[inner] = np.arange(len(inner))
-        members = clustering.both_sides(tessellation, offset, points, points[inner])
+        members = clustering.both_sides(tessellation, points, points[inner])
         member = np.stack([which, len(points) + number[which]])
         area = np.bincount(member.ravel(), weights=np.tile(tessellation.area, 2), minlength=len(members))
-        face, level = (of[np.concatenate([points, points[inner]])] for of in (tessellation.face, tessellation.level))
+        level, of_mesh = (of[np.concatenate([points, points[inner]])] for of in (tessellation.level, mesh[tessellation.face]))
         value = self._known_values(members)
         value[len(points) :][unlit[inner]] = DARK_VALUE
         closed = np.array([sort_of(one) == CLOSED for one in meshes], bool)[mesh[tessellation.face[points[inner]]]]
@@ -197,7 +201,7 @@ class SiteChooser:
         about, most = (share * self.detail.most for share in _FIRST_SHARE)
         while True:
             keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing, level, within)
-            clusters = Clusters(tessellation, members, keys, spacing, area, face, mesh[face], member, value, level)
+            clusters = Clusters(tessellation, members, keys, spacing, area, of_mesh, member, value, level)
             first = clusters.choose(left, len(left), clusters.min_area)
             if len(first[0]) <= most:
                 break
@@ -208,11 +212,11 @@ class SiteChooser:
             first = clusters.choose(left, len(left), clusters.min_area)
         return clusters, first
 
-    def _known_values(self, members: Members) -> np.ndarray:
+    def _known_values(self, members: Sites) -> np.ndarray:
         """Return (M,) the numbers of the members' values that need no gather, else -1."""
         value = np.full(len(members), -1)
         if self.scene.uniform_sky:  # otherwise the value depends on the normal
-            value[clustering.sees_nothing(members, self.scene.bounds)] = SKY_VALUE
+            value[clustering.sees_nothing(members, self.scene.bounds, self.offset)] = SKY_VALUE
         value[~members.geometric.any(1)] = DARK_VALUE  # members of triangles without area, as in hidden meshes
         return value
 
@@ -285,7 +289,7 @@ class SiteChooser:
             table.append(_borders(reach, free, recess))
         return np.concatenate(table)
 
-    def _reach(self, members: Members, cells: np.ndarray, free: np.ndarray) -> Steps[np.ndarray]:
+    def _reach(self, members: Sites, cells: np.ndarray, free: np.ndarray) -> Steps[np.ndarray]:
         """Return (N, 3, 2) the visible shares of a cell's edges, from each corner to the next two corners; inf for free
         edges.
 
@@ -296,19 +300,19 @@ class SiteChooser:
         ends = (corners + 1 + steps) % 3
         cell, way = np.nonzero(~free[:, 3 - corners - ends])
         a, b = cells[cell, corners[way]], cells[cell, ends[way]]
-        straight = yield from self._free_shares(members.eye[a], members.eye[b])
-        raised = yield from self._free_shares(*clustering.raised_lines(members, a, b))
+        straight = yield from self._free_shares(*(clustering.eyes(members, at, self.offset) for at in (a, b)))
+        raised = yield from self._free_shares(*clustering.raised_lines(members, a, b, self.offset))
         reach[cell, corners[way], steps[way]] = np.minimum(straight, raised)
         return reach
 
-    def _recesses(self, members: Members, cells: np.ndarray, reach: np.ndarray) -> Steps[np.ndarray]:
+    def _recesses(self, members: Sites, cells: np.ndarray, reach: np.ndarray) -> Steps[np.ndarray]:
         """Return (N, 3) True for corners that alone see the place as far as visible along both edges, as in the corner of a room.
 
         cells: (N, 3) the members at the corners. reach: from _reach.
         """
         found: np.ndarray = np.isfinite(reach).all(2)
         cell, corner = np.nonzero(found)
-        a, b, c = (members.eye[cells[cell, (corner + step) % 3]] for step in range(3))
+        a, b, c = (clustering.eyes(members, cells[cell, (corner + step) % 3], self.offset) for step in range(3))
         along, across = (_BEFORE * reach[cell, corner, step][:, None] for step in range(2))
         place = a + along * (b - a) + across * (c - a)
         seen = yield from self._free_shares(np.concatenate([a, b, c]), np.tile(place, (3, 1)))
@@ -316,18 +320,18 @@ class SiteChooser:
         found[cell, corner] = by_a & ~by_b & ~by_c
         return found
 
-    def see(self, members: Members, a: np.ndarray, b: np.ndarray) -> Steps[np.ndarray]:
+    def see(self, members: Sites, a: np.ndarray, b: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) True where members a see members b (N,)."""
         seen = np.ones(len(a), bool)
         apart = np.flatnonzero(a != b)
-        starts, ends, bent = clustering.sight_lines(members, a[apart], b[apart])
+        starts, ends, bent = clustering.sight_lines(members, a[apart], b[apart], self.offset)
         free = (yield from self._free_shares(starts, ends)) >= 1.0
         first, second = free[: len(apart)], free[len(apart) :]
         seen[apart] = first
         seen[apart[bent]] &= second
         first[bent] = False
         flat = apart[first]
-        seen[flat] = (yield from self._free_shares(*clustering.raised_lines(members, a[flat], b[flat]))) >= 1.0
+        seen[flat] = (yield from self._free_shares(*clustering.raised_lines(members, a[flat], b[flat], self.offset))) >= 1.0
         return seen
 
     def _free_shares(self, starts: np.ndarray, ends: np.ndarray) -> Steps[np.ndarray]:

@@ -290,7 +290,7 @@ class SiteLevel(Owner):
         done, transport = 0, sites.transport
         for batch in self._rays.gathered(gather, sites, numbers, shadows, budget):
             if transport is not None and not transport.known[batch].all():
-                transport.fill(batch, self._rays.hits(gather, sites, batch))
+                transport.fill(batch, *self._rays.hits(gather, sites, batch))
             sites.records.mark_refreshed(batch)
             done += len(batch)
         return done

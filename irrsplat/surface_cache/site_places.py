@@ -17,7 +17,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.gather.record_frame import PLACES
 from irrsplat.surface_cache.site_layout import FIRST_SITE
-from irrsplat.surface_cache.transport import RayHits, Transport
+from irrsplat.surface_cache.transport import Transport
 
 _NEAR = 0.3  # of a cluster's width, before halving: rays from closer emissive surfaces count by the square of the distance
 _TOUCHING = 0.01  # the least of these shares that counts: a gap thinner than that is no part of the ceiling at its rim
@@ -47,12 +47,13 @@ class Survey:
         no_numbers, no_points = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
         self._hits = [_Hits(no_numbers, no_numbers, np.zeros(0), no_points, no_points, no_numbers)]
 
-    def store(self, numbers: np.ndarray, hits: RayHits, met: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-        """Store the hits of the rays of sites of these numbers (N,). met: their places, see TraceGather.met."""
-        self.transport.fill(numbers, hits)
-        part = np.where(hits.site < FIRST_SITE, 0.0, hits.share * hits.albedo.mean(-1))
+    def store(self, numbers: np.ndarray, hits: tuple[np.ndarray, ...], met: tuple[np.ndarray, ...]) -> None:
+        """Store the hits of the rays of sites of these numbers (N,), see SiteRays.hits. met: their places, by TraceGather.met."""
+        share, site, albedo = hits
+        self.transport.fill(numbers, share, site, albedo)
+        part = np.where(site < FIRST_SITE, 0.0, share * albedo.mean(-1))
         rays = np.nonzero(part)
-        self._hits.append(_Hits(numbers[rays[0]], hits.site[rays], part[rays], *(column[rays] for column in met)))
+        self._hits.append(_Hits(numbers[rays[0]], site[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)
 
     def places(

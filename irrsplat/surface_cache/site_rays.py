@@ -24,7 +24,6 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.site_layout import Detail
 from irrsplat.surface_cache.surface_sites import SurfaceSites
-from irrsplat.surface_cache.transport import RayHits
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 RAYS = 1_000_000  # about, of all sites: among many sites, more of them light a record
@@ -109,8 +108,8 @@ class SiteRays(Owner):
             gather_records(gather, reduce, light, records, numbers[some], seed, where=sites.origins)
             yield numbers[some]
 
-    def hits(self, gather: TraceGather, sites: SurfaceSites, numbers: np.ndarray) -> RayHits:
-        """Return the hits of the last gather's rays, those of the sites of these numbers."""
+    def hits(self, gather: TraceGather, sites: SurfaceSites, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return share, site and albedo of the hits of the last gather from the sites of these numbers, see Transport.fill."""
         origins = sites.origins(numbers)
         assert origins.frame_rotation is not None
         frames = tangent_frames(origins.normal, origins.frame_rotation, self.settings.seed)
@@ -121,7 +120,7 @@ class SiteRays(Owner):
             texels = place_of == place
             below = upward[:, place] @ table[texels, :3].T <= 0.0
             share[:, texels] = np.where(below, 0.0, table[texels, 3])
-        return RayHits(share, *gather.hits(len(upward)))
+        return share, *gather.hits(len(upward))
 
     def direct_light(self, sites: SurfaceSites, shadows: ShadowMaps) -> np.ndarray:
         """Return (S, 3) the direct irradiance of lights at the sites, W/m², a mean over a disc of each site's area."""

@@ -13,19 +13,6 @@ _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does n
 _DECAYS = 0.999  # greatest ratio of successive bounces with an estimate of the rest: ratios of rooms are exact to about 1e-5
 
 
-@dataclass(frozen=True, eq=False)
-class RayHits:
-    """The hits of R rays from each of N places, see TraceGather.hits.
-
-    share: (N, R) cosθ·dω of each ray, 0 below the surface. site: (N, R) number of the site that lights the hit. albedo: (N, R,
-    3) reflectance at the hit.
-    """
-
-    share: np.ndarray
-    site: np.ndarray
-    albedo: np.ndarray
-
-
 class Transport:
     """The operator F between S sites: E_(k+1) = E_1 + F·E_k, for each of red, green and blue.
 
@@ -38,12 +25,16 @@ class Transport:
         self._columns = np.zeros((sites, rays), np.intp)
         self._values = np.zeros((3, sites, rays), np.float32)
 
-    def fill(self, rows: np.ndarray, hits: RayHits) -> None:
-        """Fill `rows` (N,) by the hits of their rays, possibly fewer than the most; a hit that receives E sends out ρ/π·E."""
-        rays = hits.site.shape[1]
-        self._columns[rows, :rays] = np.maximum(hits.site, 0)
-        part = hits.share / np.pi
-        for values, reflectance in zip(self._values, np.moveaxis(hits.albedo, -1, 0), strict=True):
+    def fill(self, rows: np.ndarray, share: np.ndarray, site: np.ndarray, albedo: np.ndarray) -> None:
+        """Fill `rows` (N,) by the hits of their R rays, possibly fewer than the most; a hit that receives E sends out ρ/π·E.
+
+        share: (N, R) cosθ·dω of each ray, 0 below the surface. site: (N, R) number of the site that lights the hit. albedo:
+        (N, R, 3) reflectance at the hit.
+        """
+        rays = site.shape[1]
+        self._columns[rows, :rays] = np.maximum(site, 0)
+        part = share / np.pi
+        for values, reflectance in zip(self._values, np.moveaxis(albedo, -1, 0), strict=True):
             values[rows, :rays] = part * reflectance
             values[rows, rays:] = 0.0
         self.known[rows] = True

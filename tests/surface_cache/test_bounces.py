@@ -19,7 +19,7 @@ from irrsplat.meter.light_meter import LightMeter
 from irrsplat.scene.model import Camera, Mesh, Scene
 from irrsplat.sky.environment import Environment
 from irrsplat.surface_cache import site_layout, site_rays, tessellation
-from irrsplat.surface_cache.transport import BouncedLight, RayHits, Transport, sum_bounces
+from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import box, material, point_light, polygon_vector, quad, scene, sites
 
@@ -223,7 +223,7 @@ def by_rows(F: np.ndarray) -> Transport:
     sites = len(F)
     transport = Transport(sites, sites)
     where = np.broadcast_to(np.arange(sites), (sites, sites))
-    transport.fill(np.arange(sites), RayHits(np.pi * F, where, np.ones((sites, sites, 3))))
+    transport.fill(np.arange(sites), np.pi * F, where, np.ones((sites, sites, 3)))
     return transport
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.surface_cache.clustering import Members, near_sites
+from irrsplat.core.buffers import Sites
+from irrsplat.surface_cache.clustering import near_sites
 
 
-def scattered(count: int, side: float) -> Members:
+def scattered(count: int, side: float) -> Sites:
     """Return members at random places of a cube of this side that face anywhere."""
     random = np.random.default_rng(0)
     normal = random.normal(size=(count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     position = random.uniform(0.0, side, (count, 3))
-    return Members(position, normal, normal, position)
+    return Sites(position, normal, normal)
 
 
 def test_the_nearest_sites_that_face_alike_come_in_their_order() -> None:
@@ -33,7 +34,7 @@ def test_a_far_site_contributes_where_none_is_near() -> None:
     """A site at five steps is in the wide block of the member alone; one that faces the other way is never taken."""
     up = np.array([[0.0, 0.0, 1.0]] * 3)
     position = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    members = Members(position, up * np.array([[1.0], [1.0], [-1.0]]), up, position)
+    members = Sites(position, up * np.array([[1.0], [1.0], [-1.0]]), up)
     np.testing.assert_array_equal(near_sites(members, np.array([0]), np.array([1, 2]), 1.0, 2), [[0, -1]])
 
 

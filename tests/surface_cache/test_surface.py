@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from irrsplat import Renderer, irradiance, render
+from irrsplat.core.buffers import Sites
 from irrsplat.core.vertex_layout import PARTS, WIDTH
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -172,7 +173,7 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
         assert np.allclose(reach(np.tile(ends[2], (900, 1)), ends), np.tile([0.5, 1.0, 1.0], 300), atol=1e-6)
     tessellation = cut(scene(sphere((0, 0, 0), 1.0)), 2.0)
     every = np.arange(len(tessellation.face))
-    some, ball = clustering.both_sides(tessellation, 1e-3, every, every), World(ctx, scene(sphere((0, 0, 0), 1.0)))
+    some, ball = clustering.both_sides(tessellation, every, every), World(ctx, scene(sphere((0, 0, 0), 1.0)))
     pairs = np.random.default_rng(4).integers(0, len(every), (2000, 2)).T
     near = pairs[:, (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5]
     near = np.concatenate([near, near + len(every)], axis=1)
@@ -183,7 +184,7 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     for gap, through in ((0.05, False), (0.5, True)):  # metres below a wall between two points that are 1 m apart on a floor
         gate, up = World(ctx, scene(quad((0, gap, -1), (0, 0, 2), (0, 1, 0)))), np.tile(np.array([0, 1, 0], np.float32), (2, 1))
         at = np.array([[-0.5, 0, 0], [0.5, 0, 0]], np.float32)
-        points = clustering.Members(at, up, up, at + np.float32(1e-3) * up)
+        points = Sites(at, up, up)
         chooser = SiteChooser(gate.scene, gate.caster.reach, FULL)
         assert Budget(None).advance(chooser.see(points, np.array([0]), np.array([1]))) == [through]
 
