@@ -15,12 +15,13 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.core.vectors import octahedral_decode
+from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, part_drawn
 
-SIDES = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
+SIDES = (LEAST_SIDE, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
 _SIGNIFICANT = (0.55, 0.25, 0.25)  # difference that counts, see `Spots.difference`
 _AT_CREASES = (0.0, 0.15, 0.15)  # difference that counts at creases: all places there reach the second probes
 _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed

@@ -8,14 +8,11 @@ separates the noise of the tests, and shows if records need more rays.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
-from irrsplat.core.buffers import Sites, SplatBuffer
+from irrsplat.core.buffers import Sites
 from irrsplat.core.color import LUMINANCE
-from irrsplat.core.timing.background import Steps, in_background
-from irrsplat.gpu.target import pixels
 from irrsplat.indirect.paper_scan import Seen
 
 CHECKS = 384  # pixels under test for the error estimate
@@ -97,13 +94,8 @@ def squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:
     return np.asarray(((values.astype(float) - others) ** 2).mean(1))
 
 
-def drawing(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) -> Steps[Check]:
-    """Begin to draw pixels in a background thread, since a large view takes long. The work returns the result of `_drawn`."""
-    return in_background(partial(_drawn, seen, pixels(splats.sums), pixels(splats.weight), seed, off))
-
-
-def _drawn(seen: Seen, sums: np.ndarray, weight: np.ndarray, seed: tuple[int, ...], off: float) -> Check:
-    """Return CHECKS of the smooth pixels, as the error leaves out edges.
+def drawn(seen: Seen, sums: np.ndarray, weight: np.ndarray, seed: tuple[int, ...], off: float) -> Check:
+    """Return CHECKS of the smooth pixels, as the error leaves out edges. sums, weight: of the splat buffer.
 
     Pixels are drawn in proportion to their uncertainty: the variance of the records there, averaged over the pixels around, plus
     its mean. off: see Seen.smooth.

@@ -45,15 +45,15 @@ class Examination:
     """The result of a round's examination, per tile (h, w).
 
     requests, seen: numbers of pixels that request a record, and that show a surface. position, normal (h, w, 3): of the pixel
-    of least weight, a site for a record. octahedral (h, w, 2): coordinates of its geometric normal. triangle, weight (h, w):
-    number of its triangle, and its Σw.
+    of least weight, a site for a record. geometric (h, w, 3): its geometric normal. triangle, weight (h, w): number of its
+    triangle, and its Σw.
     """
 
     requests: np.ndarray
     seen: np.ndarray
     position: np.ndarray
     normal: np.ndarray
-    octahedral: np.ndarray
+    geometric: np.ndarray
     triangle: np.ndarray
     weight: np.ndarray
 
@@ -69,8 +69,7 @@ class Examination:
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
         """Return the sites of the given tiles (rows, columns)."""
-        geometric = octahedral_decode(*self.octahedral[tiles].T)
-        return Sites(self.position[tiles], self.normal[tiles], geometric, self.triangle[tiles].astype(np.intp))
+        return Sites(self.position[tiles], self.normal[tiles], self.geometric[tiles], self.triangle[tiles].astype(np.intp))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +104,11 @@ class ExaminePass(Owner):
         part: the part of the picture that the buffers hold, which begins at a tile's corner; None for the whole picture.
         """
         size, stride = gbuffer.position.size, splats.pixel_stride
-        whole, corner = (size, (0, 0)) if part is None else (part.whole, part.corner)
-        side = tile_side(whole, stride)
+        part = part or Part(size, (0, 0), size)
+        side = tile_side(part.whole, stride)
         # first pixel of the picture and pixel after the last, in pixels of the sums
-        begin = [-(at // stride) for at in corner]
-        end = splats.weight.size if part is None else tuple(-(-n // stride) + at for n, at in zip(whole, begin, strict=True))
+        begin = [-(at // stride) for at in part.corner]
+        end = tuple(-(-n // stride) + at for n, at in zip(part.whole, begin, strict=True))
         tiles = -(-splats.weight.width // side), -(-splats.weight.height // side)
         target = self.targets.get("target", tiles, lambda: Target(self.ctx, tiles, (4, 4, 4)))
         refined: Uniforms = {} if splats.reach is None else {"reach": splats.reach}
@@ -132,9 +131,9 @@ class ExaminePass(Owner):
             seed=settings.seed,
         )
         position, normal, rest = (target.read(i) for i in range(3))
-        octahedral = np.stack([normal[..., 3], rest[..., 0]], axis=-1)
+        geometric = octahedral_decode(normal[..., 3], rest[..., 0])
         triangle, weight = rest[..., 3], rest[..., 1]
-        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], octahedral, triangle, weight)
+        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric, triangle, weight)
 
 
 def _stride(count: int) -> int:

@@ -21,11 +21,11 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.core.timing.input_waits import InputWaits, input_waits
 from irrsplat.gpu.resource import Owner
-from irrsplat.gpu.target import float_texture
+from irrsplat.gpu.target import float_texture, pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.error_estimate import GAIN, Check, ErrorSums, blur_of, drawing
+from irrsplat.indirect.error_estimate import GAIN, Check, ErrorSums, blur_of, drawn
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
@@ -206,9 +206,10 @@ class Refiner(Owner):
             self.error = 0.0
             return None
         seed, off = (self.scheduler.settings.seed, step), SMOOTH_OFF * gatherer.world.scene.diagonal
-        drawn = drawing(seen, self.splats, seed, off)
+        sums, weight = pixels(self.splats.sums), pixels(self.splats.weight)
+        drawing = in_background(partial(drawn, seen, sums, weight, seed, off))  # a large view takes long
         yield
-        while (check := self._given.budget.advance(drawn)) is None:
+        while (check := self._given.budget.advance(drawing)) is None:
             yield
         first, done, side = cache.count, 0, self._side(doublings)
         yield

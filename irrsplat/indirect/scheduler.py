@@ -30,7 +30,7 @@ from irrsplat.records.culling import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Camera, measure
+from irrsplat.scene.model import Camera, Scene, measure
 from irrsplat.settings import Settings
 
 _PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
@@ -63,12 +63,13 @@ class RecordScheduler(Owner):
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 
-    def apply(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> None:
-        """Apply other settings and another state of the scene.
+    def apply(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None) -> SceneChange:
+        """Apply other settings and another state of the scene. Return the change of the scene.
 
-        Affected records become stale. Records close to a place that a mesh has left or reached are removed. change: from
-        `change_to`. shadows: of the former scene, None if none are drawn.
+        Affected records become stale. Records close to a place that a mesh has left or reached are removed. shadows: of the
+        former scene, None if none are drawn.
         """
+        change = SceneChange.between(self.gatherer.basis.scene, scene)
         bounces, limited = self.settings.most_bounces, self.adaptation.is_current(settings)
         kept = self.gatherer.apply(settings, change, shadows)
         if limited and change.dimming is not None and not np.ptp(change.dimming):  # limits depend on ratios of light alone
@@ -78,6 +79,7 @@ class RecordScheduler(Owner):
             self._checked.forget()
         if kept is not None:
             self.adaptation.keep(kept)
+        return change
 
     def expire(self) -> None:
         """Gather everything again."""
@@ -140,7 +142,7 @@ class RecordScheduler(Owner):
                 view = replace(view, check=None)
             elif view.check is not None:
                 return self._check(view, screen, shadows, budget, True), 0, False
-            view = self._requested(view, screen, camera, side)
+            view = self._select(view, screen, camera, side)
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
             sites, near = view.queue
@@ -164,13 +166,6 @@ class RecordScheduler(Owner):
             before=view.need,
         )
         return view, new, new > 0 or settled
-
-    def _requested(self, view: ViewState, screen: Screen, camera: Camera, side: int) -> ViewState:
-        """Return the view with the queue of a new round, coarse to fine; None without a request."""
-        view, (sites, near) = self._select(view, screen)
-        room = self.room if side else self._room(len(sites), camera, screen.size)
-        sites, full = sites[:room], room < len(sites)
-        return replace(view, queue=Queue(sites, near) if len(sites) else None, full=full)
 
     def _close(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool
@@ -249,8 +244,8 @@ class RecordScheduler(Owner):
         """The free number of records without eviction."""
         return max(self.settings.max_records - self.cache.count, 0)
 
-    def _select(self, view: ViewState, screen: Screen) -> tuple[ViewState, Queue]:
-        """Return the view with its present need, and the sites of a new round."""
+    def _select(self, view: ViewState, screen: Screen, camera: Camera, side: int) -> ViewState:
+        """Return the view with its present need, and the queue of a new round, coarse to fine; None without a request."""
         settings = replace(self.settings, spread=0.0) if self._changing else self.settings
         with self.timers("examine"):
             found, need = self._examination(screen, settings)
@@ -261,7 +256,11 @@ class RecordScheduler(Owner):
                 tiles = choose(found.requests, board, settings.seed + step)
                 step += need.requests > 0  # an examination without requests is no step: small ticks may repeat it
                 if len(tiles[0]) or not need.requests:
-                    return replace(view, need=need, step=step), Queue(found.at(tiles), board.colour < 0)
+                    break
+        sites = found.at(tiles)
+        room = self.room if side else self._room(len(sites), camera, screen.size)
+        queue = Queue(sites[:room], board.colour < 0) if len(sites) and room else None
+        return replace(view, need=need, step=step, queue=queue, full=room < len(sites))
 
     def _scan(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget

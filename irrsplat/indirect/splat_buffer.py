@@ -54,8 +54,7 @@ class ViewSplats(Owner):
         self.splat_pass = self.own(SplatPass(world.ctx, size))
         self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
-        self._memo = Memo()  # True if the camera lies in a closed mesh without a light
-        self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # strided sums, and their upsampled sums
+        self._memo = Memo()  # True if the camera lies in a closed mesh without a light, and the upsampled sums
 
     @property
     def sums(self) -> SplatBuffer | None:
@@ -122,13 +121,13 @@ class ViewSplats(Owner):
         """Return the sums at every pixel: `splats` itself, or its strided sums upsampled along surfaces."""
         if splats.pixel_stride == 1:
             return splats
-        if self._upsampled is None or self._upsampled[0] is not splats:
-            self._upsampled = None
+
+        def upsample() -> SplatBuffer:
             with self.timers("upsample"):
                 self.upsample_pass = self.upsample_pass or self.own(UpsamplePass(self.ctx, self.size))
-                self._upsampled = splats, self.upsample_pass(splats, gbuffer, camera)
-            stop_for_input()
-        return self._upsampled[1]
+                return self.upsample_pass(splats, gbuffer, camera)
+
+        return self._memo.get("upsampled", splats, upsample)
 
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""

@@ -44,7 +44,7 @@ class TemporalFilter(Owner):
         self.ctx, self.size = ctx, size
         self.program = self.own(Program(ctx, "indirect/temporal", "lib/fullscreen"))
         self.linear = self.own(ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR)))
-        self.nothing = self.own(Target(ctx, (3, 3), (4, 1)))  # the last picture before the first picture
+        self.nothing = self.own(Target(ctx, (3, 3), (4, 1)))  # read instead of a last picture: one program for all
         self._targets = self.own(Workshop())  # two of each size
         self._shown: _Shown | None = None
 
@@ -84,7 +84,7 @@ class TemporalFilter(Owner):
         changed = shown is not None and any(a is not b for a, b in zip(shown.scene, scene, strict=True))
         now, share = self._target(splats.sums.size, shown), self._share(subject, changed or provisional)
         stride = splats.pixel_stride
-        before = self._before(shown)
+        before = self._before(shown or _Shown(self.nothing, camera, None, (), 0))
         for band in bands(now.size):
             self.program(
                 now,
@@ -93,6 +93,7 @@ class TemporalFilter(Owner):
                 sums=splats.sums,
                 pixel_stride=stride,
                 **before,
+                accumulating=shown is not None,
                 kept=filling and not changed,
                 share=share,
             )
@@ -116,12 +117,8 @@ class TemporalFilter(Owner):
 
         return target(1) if shown is not None and shown.target is target(0) else target(0)
 
-    def _before(self, shown: _Shown | None) -> Uniforms:
-        """Return the uniforms of the last picture. Without one, its textures have equal formats: the program compiles once."""
-        if shown is None:
-            nothing, facing = (SampledTexture(texture, self.linear) for texture in self.nothing.textures)
-            nowhere: Uniforms = {"clip_from_world": np.eye(4), "shown_place": (0.0, 0.0, 0.0, 0.0)}
-            return {"accumulating": False, "shown": nothing, "shown_facing": facing, "dimming": (1.0, 1.0, 1.0), **nowhere}
+    def _before(self, shown: _Shown) -> Uniforms:
+        """Return the uniforms of the last picture."""
         camera, (width, height), texels = shown.camera, self.size, np.array(shown.target.size)
         stride = -(-width // shown.target.size[0])
         irradiance, facing = (SampledTexture(texture, self.linear) for texture in shown.target.textures)
@@ -129,7 +126,6 @@ class TemporalFilter(Owner):
         scale = 0.5 * np.array(self.size) / stride / texels
         offset = scale + (0.5 - 0.5 / stride) / texels
         return {
-            "accumulating": True,
             "shown": irradiance,
             "shown_facing": facing,
             "dimming": shown.dimming,

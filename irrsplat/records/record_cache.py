@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ _FLOOR = 0.015  # of the records' mean luminance: see RecordCache.update_luminan
 _STEADY = 1.4  # greatest ratio of the luminance floor to its newly computed value, either way, that leaves it unchanged
 _ROWS = 4  # initial rows of the textures, doubled whenever they are full
 LINEAR = ("irradiance", "vectors", "gradient")  # columns in proportion to the light; R depends on geometry alone
-PROBED = 22  # numbers that a probe keeps of a record: E, R, M and ∇E
+PROBED = ("irradiance", "radius", "vectors", "gradient")  # columns of a record that a probe keeps, in this order
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,9 @@ _COLUMNS: dict[str, _Column] = {
     "gather_size": _Column((), "i8", "side of its gather; 0: the settings' side", saved=False),
     "screen": _Column((), "f4", "height of the image at its distance in the view that requested it, metres; 0: unknown"),
     "probe": _Column(
-        (PROBED,), "f4", "E in W/m², R in metres, M and ∇E of its last probe, see change_probe.py; R = 0: no probe yet"
+        (sum(math.prod(record_layout.COLUMNS[name].shape) for name in PROBED),),
+        "f4",
+        "E in W/m², R in metres, M and ∇E of its last probe, see change_probe.py; R = 0: no probe yet",
     ),
     "drift": _Column((), "f4", "change of its probes since its gather, 0..1; 1: unknown"),
     "due": _Column((), "f4", "estimated change around it since its last probe; 0: none", saved=False),
@@ -284,9 +287,8 @@ class RecordCache(Owner):
         same directions."""
         if len(numbers) == self.count:
             return
-        columns, count = {name: array.copy() for name, array in self._columns.items()}, len(numbers)
-        for array in columns.values():
-            array[:count] = array[numbers]
+        count = len(numbers)
+        columns = {name: np.concatenate([array[numbers], array[count:]]) for name, array in self._columns.items()}
         textures = {
             name: self._texture(name, self._rows, texel_table.read(self.ctx, texture, 0, self.count)[numbers])
             for name, texture in self._textures.items()

@@ -90,7 +90,7 @@ class Frames(Owner):
             self.state = replace(self.state, picture_seconds=now() - start)
         if seconds is not None and other:
             self.moving.note(self.state.splat_seconds + self.state.picture_seconds, seconds)
-        self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera), bounced))
+        self.state = replace(self.state, shown=Shown(view, (camera, *self.state.view_subject, self.state.settings), bounced))
         return view, replace(done.progress, accumulating=view.accumulating)
 
     def round(
@@ -176,7 +176,7 @@ class Frames(Owner):
 
     def follow_scene(self, state: State) -> ShadowMaps:
         """Let records and surface cache follow the scene's changes, and return its shadow maps."""
-        self.scheduler.apply(state.settings, self.scheduler.gatherer.change_to(state.scene), self.stages.shadows(state))
+        self.scheduler.apply(state.settings, state.scene, self.stages.shadows(state))
         return self.stages.draw_shadows(state)
 
     def _light_records(self, view: ViewState, shadows: ShadowMaps, budget: Budget, reserve: float) -> bool:
@@ -239,10 +239,11 @@ class Frames(Owner):
 
     def _picture_may_wait(self, camera: Camera) -> bool:
         """True if the last picture can stay for another frame: only new records differ, and drawing takes time from gathering."""
-        shown = self.state.shown
-        if shown is None or shown.subject != self.state.picture_subject(camera) or self.stages.picture is not shown.view:
+        state, shown = self.state, self.state.shown
+        same = shown is not None and shown.subject == (camera, *state.view_subject, state.settings)
+        if shown is None or not same or self.stages.picture is not shown.view:
             return False
-        splat, picture = self.state.splat_seconds, self.state.picture_seconds
+        splat, picture = state.splat_seconds, state.picture_seconds
         least = splat + picture if len(self.cache.stale) else 0.0  # gathering gets half of the time
         return shown.age < max(min(_PICTURE_SHARE * picture, _OLDEST_PICTURE), least)
 
@@ -338,9 +339,7 @@ class Frames(Owner):
         """Change to another scene, size or settings that have been validated."""
         if state.view_subject != self.state.view_subject:
             self.leave_refinement()
-        change = self.scheduler.gatherer.change_to(state.scene)
-        dimming = change.dimming
-        self.scheduler.apply(state.settings, change, self.stages.shadows(self.state))
+        dimming = self.scheduler.apply(state.settings, state.scene, self.stages.shadows(self.state)).dimming
         if dimming is not None:
             state = replace(state, view=self._dimmed_view(state))
             if self.stages.temporal_filter is not None:

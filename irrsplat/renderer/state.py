@@ -16,7 +16,7 @@ from irrsplat.surface_cache.transport import BouncedLight
 class Shown:
     """The last picture.
 
-    subject: its contents, apart from the records. bounced: the values of the surface cache in it. age: seconds of ticks since.
+    subject: all its inputs except the records. bounced: the values of the surface cache in it. age: seconds of ticks since.
     """
 
     view: View
@@ -57,11 +57,6 @@ class State:
             settings.warmup,
         )
         return self.size, scene.meshes, scene.lights, scene.sky_parts, criteria
-
-    def picture_subject(self, camera: Camera) -> tuple[object, ...]:
-        """Return all inputs of a picture except the records."""
-        scene = self.scene
-        return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings
 
 
 @dataclass(frozen=True)

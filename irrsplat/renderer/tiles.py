@@ -7,13 +7,14 @@ the examinations before it chooses sites. Then every tile is drawn by the record
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.gather.spot_check import MARGIN, Spots
+from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import automatic_exposure, metered
 from irrsplat.image.view import BUFFERS, View, reflectance, uncovered
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
@@ -83,40 +84,27 @@ class TileScreens:
         return Spots.joined(found)
 
 
-@dataclass(frozen=True)
-class TiledPicture:
-    """A whole picture that was drawn in tiles.
-
-    arrays: its buffers. view: of the last tile. stops: the automatic exposure. uncovered: pixels that no record reaches, of a
-    frozen view. stopped: True if Ctrl-C came.
-    """
-
-    arrays: dict[str, np.ndarray]
-    view: View
-    stops: float
-    uncovered: int
-    stopped: bool
-
-
 def draw_tiles(
     stages: Stages,
     state: State,
     done: Round,
     names: Collection[str] | None,
-    samples: int,
+    stats: Statistics,
     on_share: Callable[[float], None] | None,
-) -> TiledPicture:
-    """Return the whole picture of a round, drawn in tiles with so many samples a pixel. names: of its buffers (None: all).
+) -> tuple[dict[str, np.ndarray], View, float]:
+    """Draw the whole picture of a round in tiles. Return its arrays, the view of the last tile, and the automatic exposure.
 
-    on_share: called with the share of the tiles that are drawn. After Ctrl-C the other tiles get one sample a pixel. A second
-    Ctrl-C ends the picture without a result.
+    names: of its buffers (None: all). stats: filled by the interruption and, for a frozen view, the pixels that no record
+    reaches. on_share: called with the share of the tiles that are drawn. After Ctrl-C the other tiles get one sample a pixel. A
+    second Ctrl-C ends the picture without a result.
     """
     settings, camera, cache = state.settings, done.camera, stages.scheduler.cache
     cache.mark_seen(reaching(cache, 0, camera, state.size, settings))
     requested = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
     arrays = {name: np.empty((*state.size[::-1], *(3,) * (CHANNELS[name].components == 3)), "f4") for name in requested}
     width, height = (min(side, state.tile + 2 * MARGIN) for side in state.size)
-    here, none_reach, view, stopped = replace(state, size=(width, height)), 0, None, False
+    here, none_reach, view = replace(state, size=(width, height)), 0, None
+    samples, stopped = 1 if stats["interrupted"] else settings.samples, False
     light = np.zeros(2)  # the sum of log₂ luminances, and the number of lit pixels
     tiles = list(_grid(state.size, (state.tile, state.tile)))
     for number, (left, bottom) in enumerate(tiles):
@@ -143,8 +131,11 @@ def draw_tiles(
             except KeyboardInterrupt:
                 stopped, samples = True, 1
     assert view is not None
-    stops = automatic_exposure(float(light[0]), float(light[1]), unshadowed_luminance(state.scene))
-    return TiledPicture(arrays, view, stops, none_reach, stopped)
+    if stopped:
+        stats |= {"interrupted": True, "converged": False}
+    if done.frozen:
+        stats["uncovered"] = none_reach
+    return arrays, view, automatic_exposure(float(light[0]), float(light[1]), unshadowed_luminance(state.scene))
 
 
 def _drawn(stages: Stages, here: State, camera: Camera, done: Round, samples: int) -> View:

@@ -163,17 +163,12 @@ class WholeRenders:
     def _in_tiles(self, done: Round, stats: Statistics, progress: OnRound | None, buffers: Collection[str] | None) -> Frame:
         """Return the frame of a round that is drawn in tiles."""
         state = self.frames.state
-        samples = 1 if stats["interrupted"] else state.settings.samples
-        picture = draw_tiles(self.stages, state, done, buffers, samples, sample_progress(progress, stats))
-        if picture.stopped:
-            samples, stats = 1, stats | {"interrupted": True, "converged": False}
-        if done.frozen:
-            stats["uncovered"] = picture.uncovered
-        exposure = state.settings.exposure
-        stats |= self.described(samples, picture.stops if exposure == "auto" else float(exposure))
+        arrays, view, stops = draw_tiles(self.stages, state, done, buffers, stats, sample_progress(progress, stats))
+        samples, exposure = 1 if stats["interrupted"] else state.settings.samples, state.settings.exposure
+        stats |= self.described(samples, stops if exposure == "auto" else float(exposure))
         self._check_errors()
-        kept = {name: values for name, values in picture.arrays.items() if buffers is None or name in buffers}
-        return frame_of(kept, self.cache.read(), stats, picture.view)
+        kept = {name: values for name, values in arrays.items() if buffers is None or name in buffers}
+        return frame_of(kept, self.cache.read(), stats, view)
 
     def described(self, samples: int, stops: float) -> Statistics:
         """Return the statistics that describe scene, settings and OpenGL renderer for a picture; `converge` adds its counts.

@@ -56,11 +56,6 @@ class SurfaceCache(Owner):
         return self._in_use.light
 
     @property
-    def lookup(self) -> SurfaceSites:
-        """The sites whose values lookups read; none before the first values exist."""
-        return self.sites or self._no_sites
-
-    @property
     def sites(self) -> SurfaceSites | None:
         """The sites of the values that lookups read; None before the first values exist."""
         return self._in_use.shown
@@ -118,7 +113,7 @@ class SurfaceCache(Owner):
 
     def uniforms(self, sites: SurfaceSites | None = None) -> Uniforms:
         """Return the uniforms of shaders/surface_cache/lookup.glsl for these `sites`; None for those in use."""
-        return (sites or self.lookup).uniforms(self.world)
+        return (sites or self.sites or self._no_sites).uniforms(self.world)
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """Return the cache's values at every pixel, see SurfaceViewPass; valid until the next call."""
@@ -202,7 +197,8 @@ class SurfaceCache(Owner):
         """
         if self._level.light is None or not self.complete:
             return False
-        finer = self._level.detail.finer(self.refinements + 1)
+        full, level = self._level.detail, self.refinements + 1
+        finer = Detail(full.points * 2.0**level, full.rays, level)  # twice the sites of the level before
         self._next = self._next or SiteLevel(self.world, self._level.settings, finer)
         with self.timers("surface"):
             if not self._next.make(shadows, budget):

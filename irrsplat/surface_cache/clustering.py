@@ -77,7 +77,8 @@ def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[n
     mesh: (F,) the number of each triangle's mesh; only points of one mesh are merged. Returns the points (K,) that stay, of each
     voxel the one nearest to their mean; and which of these each point is now, (P,).
     """
-    fine = tessellation.alone
+    corners = tessellation.corners
+    fine = corners[corners[:, 0] == corners[:, 1], 0]  # each is all three corners of its cell
     stays = np.ones(len(tessellation.face), bool)
     stays[fine] = False
     kept, which = np.flatnonzero(stays), np.cumsum(stays) - 1

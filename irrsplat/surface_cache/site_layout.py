@@ -53,17 +53,12 @@ _ROOMS = 3.0  # of the size of these surroundings: distance up to which area cou
 class Detail:
     """The density of a surface cache: its share of the sites, and of the rays of each site.
 
-    level: -1 for a coarse level, 0 for the level of the settings, more for finer levels, each with twice the sites of the
-    previous one.
+    level: -1 for a coarse level, 0 for the level of the settings, more for finer levels.
     """
 
     points: float
     rays: float
     level: int = 0
-
-    def finer(self, level: int) -> Detail:
-        """Return the detail of a finer level, where this is the level 0."""
-        return Detail(self.points * 2.0**level, self.rays, level)
 
     @property
     def most(self) -> int:
@@ -272,7 +267,7 @@ class SiteChooser:
     def _cells(self, clusters: Clusters) -> Steps[np.ndarray]:
         """Return SiteLayout.cells, once all members have values."""
         members, value = clusters.members, clusters.value
-        table = [np.zeros((clusters.tessellation.cells, 2, 4), np.float32)]
+        table = [np.zeros((len(clusters.tessellation.corners), 2, 4), np.float32)]
         for side, cells in enumerate(table[0].swapaxes(0, 1)):
             corners = clusters.member[side][clusters.tessellation.corners]
             cells[:, :3] = value[corners]

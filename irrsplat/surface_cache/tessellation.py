@@ -45,17 +45,6 @@ class Tessellation:
     area: np.ndarray
     level: np.ndarray
 
-    @property
-    def cells(self) -> int:
-        """The number of cells."""
-        return len(self.corners)
-
-    @property
-    def alone(self) -> np.ndarray:
-        """The numbers of the points that are all three corners of their cell."""
-        corners: np.ndarray = self.corners[self.corners[:, 0] == self.corners[:, 1], 0]
-        return corners
-
 
 def tessellate(
     vertices: np.ndarray,

@@ -368,7 +368,7 @@ class Driver:
             self.records = renderer.scheduler.state()
         else:  # an equal state needs no gathering
             renderer.forget()
-            renderer.scheduler.apply(renderer.settings, renderer.scheduler.gatherer.change_to(renderer.scene), renderer.shadows)
+            renderer.scheduler.apply(renderer.settings, renderer.scene, renderer.shadows)
             renderer.scheduler.restore(self.records)
             self.settle()
             self.frame(8)  # the interface drops its click state

@@ -58,7 +58,7 @@ def test_cells_fill_their_triangles() -> None:
     """A floor of 4×2 m in steps of at most 1 m (n = 5 for edges of √20 m) has n² cells per triangle, of (n + 1)(n + 2)/2 points.
     Each point has a third of the cells at it, and every point of the triangle lies in a cell."""
     found = cut(scene(quad((0, 0, 0), (0, 0, 2), (4, 0, 0))), 1.0)
-    assert found.cells == 50 and len(found.position) == 42 and found.table.tolist() == [[5, 0], [5, 25]]
+    assert len(found.corners) == 50 and len(found.position) == 42 and found.table.tolist() == [[5, 0], [5, 25]]
     assert np.allclose(found.area, np.bincount(found.corners.ravel()) * 8.0 / 150) and (found.face[found.corners[25:]] == 1).all()
     assert np.allclose(found.geometric, (0, 1, 0)) and np.allclose(found.normal, (0, 1, 0))
     corners = found.position[found.corners][..., [0, 2]].astype(float)
@@ -88,11 +88,11 @@ def test_strips_cross_the_long_edges_of_a_sliver(corner: int) -> None:
     found = tessellate(np.roll(sliver, corner, axis=0), np.array([[0, 1, 2]]), 0.5, 0.0)
     parts = found.position[found.corners]
     size = 0.5 * np.linalg.norm(np.cross(parts[:, 1] - parts[:, 0], parts[:, 2] - parts[:, 0]), axis=1)
-    assert found.table[0].tolist() == [-21 - 0.25 * ((corner + 1) % 3 + 1), 1] and found.cells == 41
+    assert found.table[0].tolist() == [-21 - 0.25 * ((corner + 1) % 3 + 1), 1] and len(found.corners) == 41
     longest = max(np.linalg.norm(parts[:, k] - parts[:, k - 1], axis=-1).max() for k in range(3))
     assert size.sum() == pytest.approx(0.5) and longest <= 0.5 and np.allclose(found.geometric, (0, -1, 0))
     many = tessellate(sliver, np.tile([0, 1, 2], (10_000, 1)), 0.5, 0.0)
-    assert many.cells <= 2 * tessellation._MAX_CELLS, "wires, such as a fence, have no strips beyond the limit of cells"
+    assert len(many.corners) <= 2 * tessellation._MAX_CELLS, "wires, such as a fence, have no strips beyond the limit of cells"
 
 
 def test_planks_of_a_corridor_give_the_light_of_one_floor() -> None:
@@ -172,20 +172,20 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     for reach in (lambda *ends: sight(wall.ray_uniforms, *ends), wall.caster.reach):
         assert np.allclose(reach(np.tile(ends[2], (900, 1)), ends), np.tile([0.5, 1.0, 1.0], 300), atol=1e-6)
     tessellation = cut(scene(sphere((0, 0, 0), 1.0)), 2.0)
-    every = np.arange(len(tessellation.face))
+    every, high = np.arange(len(tessellation.face)), scene(quad((-5, 0, 0), (10, 0, 0), (0, 0, 0.1)))  # eyes a millimetre up
     some, ball = clustering.both_sides(tessellation, every, every), World(ctx, scene(sphere((0, 0, 0), 1.0)))
     pairs = np.random.default_rng(4).integers(0, len(every), (2000, 2)).T
     near = pairs[:, (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5]
     near = np.concatenate([near, near + len(every)], axis=1)
     for reach in (lambda *ends: sight(ball.ray_uniforms, *ends), ball.caster.reach):
-        chooser = SiteChooser(ball.scene, reach, FULL)
+        chooser = SiteChooser(high, reach, FULL)
         assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1]))), "outside over the bulge, inside straight"
         assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every)))), "never through it"
     for gap, through in ((0.05, False), (0.5, True)):  # metres below a wall between two points that are 1 m apart on a floor
         gate, up = World(ctx, scene(quad((0, gap, -1), (0, 0, 2), (0, 1, 0)))), np.tile(np.array([0, 1, 0], np.float32), (2, 1))
         at = np.array([[-0.5, 0, 0], [0.5, 0, 0]], np.float32)
         points = Sites(at, up, up)
-        chooser = SiteChooser(gate.scene, gate.caster.reach, FULL)
+        chooser = SiteChooser(high, gate.caster.reach, FULL)
         assert Budget(None).advance(chooser.see(points, np.array([0]), np.array([1]))) == [through]
 
 
@@ -204,7 +204,8 @@ def oracle(
 ) -> np.ndarray:
     """Return (N, 3): the mean of the corner values of the cell that contains the point, among all cells of its triangle."""
     triangles = cache.world.geometry.corners.astype(float)
-    numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 2, 4)
+    assert cache.sites is not None
+    numbers = np.frombuffer(cache.sites.cells.read(), "f4").reshape(-1, 2, 4)
     n = cut.table[:, 0].astype(int)
     out = np.zeros((len(p), 3))
     for i, (point, t, s) in enumerate(zip(p, triangle, side, strict=True)):
@@ -234,7 +235,8 @@ def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
         cache = renderer.scheduler.gatherer.surface
         assert renderer.shadows is not None and cache is not None
         renderer.scheduler.gatherer.prepare(renderer.shadows, Budget(None))
-        table = cache.lookup.values
+        assert cache.sites is not None
+        table = cache.sites.values
         values = np.random.default_rng(0).uniform(0.0, 1.0, (table.width * table.height, 3)).astype("f4")
         table.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
         view, _ = renderer.frame(gather=False)

@@ -23,9 +23,9 @@ def test_the_buffer_is_the_light_that_a_white_surface_reflects(ctx: moderngl.Con
     target, programs, shown = Target(ctx, SIZE, (4,)), Programs(ctx), BUFFERS["surface"]
     with Renderer(irrsplat.load("cornell"), SIZE, ctx=ctx, gather_size=8, shadow_size=128) as renderer:
         view, _ = renderer.frame()
-        seen = renderer.scheduler.gatherer.surface_at(view.gbuffer)
-        assert seen is not None
-        found, source = pixels(seen), ViewSource(renderer, view, EXPOSURE)
+        surface = renderer.scheduler.gatherer.surface_now
+        assert surface is not None
+        found, source = pixels(surface.view(view.gbuffer)), ViewSource(renderer, view, EXPOSURE)
         shown.draw(Canvas(target, programs), source)
         mask = pixels(view.gbuffer.position)[..., 3] > 0.0
         expected = np.where(mask[..., None], tonemap(found[..., :3] / np.pi, EXPOSURE), 0.0)

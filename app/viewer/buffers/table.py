@@ -94,10 +94,10 @@ def _irradiance(source: ViewSource, texture: moderngl.Texture, more: str = "") -
 
 
 def _surface(source: ViewSource) -> Shown:
-    found = source.renderer.scheduler.gatherer.surface_at(source.view.gbuffer)
-    if found is None:
+    surface = source.renderer.scheduler.gatherer.surface_now
+    if surface is None:
         return None, Legend("no surface cache: it is made for more than one bounce")
-    return _irradiance(source, found)
+    return _irradiance(source, surface.view(source.view.gbuffer))
 
 
 def _reference(source: ViewSource) -> Shown:

@@ -9,26 +9,26 @@ import math
 
 import numpy as np
 
-from irrsplat.records.record_cache import RecordCache
+from irrsplat.gather.spot_check import SIDES
+from irrsplat.records.record_cache import PROBED, RecordCache
 from irrsplat.settings import WIDE
 
-SIDE = 16  # of the gather of a probe, and of any other with few rays: its own rays still measure its noise
-_PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a probe, in this order
+SIDE = SIDES[1]  # of the gather of a probe, and of any other with few rays: its own rays still measure its noise
 _MOST = 2.0  # times the surface cache, the most that a record is taken to be brighter; and the most that its gradient grows
 _DARK = 0.1  # of the mean irradiance: below, the ratio of a record to the surface cache is not known
 MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 
 
 def columns_of(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
-    """Return (N, PROBED) float32, the values of the records of these numbers in the form of a probe."""
-    found = cache.records.read(*_PROBED)
+    """Return (N, 22) float32, the columns PROBED of the records of these numbers, in the form of a probe."""
+    found = cache.records.read(*PROBED)
     return np.concatenate(
-        [found[name][numbers].reshape(len(numbers), math.prod(found[name].shape[1:])) for name in _PROBED], axis=1
+        [found[name][numbers].reshape(len(numbers), math.prod(found[name].shape[1:])) for name in PROBED], axis=1
     )
 
 
 def correction(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return (N, PROBED) the corrected values of records that held `values`, by probes `before` and `after` a change.
+    """Return (N, 22) the corrected values of records that held `values`, by probes `before` and `after` a change.
 
     A control variate: value + c·(after − before) with the same directions in both. With E of a channel growing c is 1; where it
     fades, the record fades by the same ratio, and never below 0. ∇E and M go with their channel, and 1/R like an E.
@@ -60,7 +60,7 @@ def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.
 
 
 def apply_probes(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, radii: tuple[float, float]) -> np.ndarray:
-    """Correct the records of these numbers (K,) by the probes `found` (K, PROBED), which the cache keeps.
+    """Correct the records of these numbers (K,) by the probes `found` (K, 22), which the cache keeps.
 
     Return the numbers of the records that have changed too much. radii: metres, the least and the greatest R.
     """

@@ -10,6 +10,7 @@ from irrsplat.core.buffers import HitLight
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gpu.resource import Owner
 from irrsplat.indirect.gathering.basis import Basis
+from irrsplat.indirect.gathering.change_probe import MAX_DRIFT
 from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.surface_cache.light_difference import LightDifference
@@ -25,19 +26,17 @@ class RecordDifference(Owner):
         self._made = [(self.own(Gathers(part.world)), replace(basis, scene=part.world.scene)) for part in light.parts]
         self.light = self.own(light)
         self.held, self._evicted = cache.records.read(*LINEAR), cache.evicted
-        self._left = np.ones(cache.count, bool)
 
     def left(self, cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
-        """Return the records among these `numbers` that lack the difference, in their order."""
-        if cache.evicted != self._evicted:  # numbers have changed
-            self._left[:] = False
-        there = numbers[numbers < len(self._left)]
-        left: np.ndarray = there[self._left[there]]
-        return left
+        """Return the records among these stale `numbers` that lack the difference, in their order.
 
-    def mark(self, numbers: np.ndarray) -> None:
-        """Mark records of these numbers as changed."""
-        self._left[numbers] = False
+        A record that stays stale with the difference has a drift above MAX_DRIFT.
+        """
+        if cache.evicted != self._evicted:  # numbers have changed
+            return numbers[:0]
+        there = numbers[numbers < len(self.held["irradiance"])]
+        left: np.ndarray = there[cache.column("drift")[there] <= MAX_DRIFT]
+        return left
 
     def gathers(self, side: int) -> list[tuple[Gather, HitLight, float]]:
         """Return the gather, the light and the sign of each part; side: of the gathers."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, Uniforms
+from irrsplat.core.buffers import Atlas, HitLight, ShadowMaps, Sites, Uniforms
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather, gather_records
@@ -23,7 +22,7 @@ from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.indirect.gathering.record_difference import RecordDifference
 from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Light, Scene
+from irrsplat.scene.model import Light
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.light_difference import LightDifference, changed_lights
@@ -145,10 +144,6 @@ class RecordGatherer(Owner):
         return HitLight(shadows, None if surface is None else surface.uniforms(), virtual)
 
     # ---- changes ---------------------------------------------------------------------------------------------------
-
-    def change_to(self, scene: Scene) -> SceneChange:
-        """Return how `scene` differs from the scene by which records are gathered now."""
-        return SceneChange.between(self.basis.scene, scene)
 
     def apply(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> np.ndarray | None:
         """Apply other settings and another state of the scene, see RecordScheduler.apply.
@@ -282,7 +277,7 @@ class RecordGatherer(Owner):
         surface, side = self.surface_now, max(self.settings.gather_size // 2, SIDE)
         assert surface is not None
         gather, changes = self.gathers.gather(self.basis, side), [np.zeros((0, 3))]
-        signed = ((surface.lookup, 1.0), (surface.before, -1.0))
+        signed = ((surface.sites, 1.0), (surface.before, -1.0))
         parts = [(gather, HitLight(shadows, surface.uniforms(table)), sign) for table, sign in signed]
         for some in gather.batches(len(numbers), budget, times=2):
             chosen, held = numbers[some], self.cache.records.read(*LINEAR)
@@ -386,7 +381,7 @@ class RecordGatherer(Owner):
             self.basis = replace(self.basis, moved=False)
 
     def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
-        """Return (N, PROBED) rough values of the records of these numbers, see columns_of."""
+        """Return (N, 22) rough values of the records of these numbers, see columns_of."""
         gather, settings = self.gathers.probe(self.basis, SIDE), self.settings
         with self.timers("gather"):
             found = self.gathers.measure(gather, light, self.cache.sites(numbers), settings, settings.gradients)
@@ -443,7 +438,6 @@ class RecordGatherer(Owner):
             complete = drift <= MAX_DRIFT
             cache.mark_refreshed(chosen[complete], cache.column("gather_size")[chosen[complete]])
             cache.column("drift")[chosen] = np.minimum(drift, 1.0)
-            difference.mark(chosen)
             done += int(np.count_nonzero(complete))
         return done
 
@@ -523,11 +517,6 @@ class RecordGatherer(Owner):
     def surface_result(self) -> BouncedLight | None:
         """The values of the surface cache; None without any."""
         return None if self.surface_now is None else self.surface_now.result
-
-    def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
-        """Return the surface cache's values at every pixel, see SurfaceViewPass; None while no cache has values."""
-        surface = self.surface_now
-        return None if surface is None else surface.view(gbuffer)
 
     def bounces(self, settings: Settings) -> BounceStatistics:
         """Return the statistics of the gather and of the bounces."""
