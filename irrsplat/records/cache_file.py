@@ -14,7 +14,6 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -130,8 +129,10 @@ def renewal(path: files.Pathlike, reason: str) -> str:
 
 def read_any(path: files.Pathlike) -> Content:
     """Return the content of a file for any key; raises InputError if it is missing, no record cache or damaged."""
-    header, arrays = _read(path)
+    data = _payload(path)
     try:
+        arrays = _arrays(data)
+        header = json.loads(str(arrays.pop("about")))
         made_for, about = CacheKey(**header["key"]), header["about"]
         if not isinstance(made_for.settings, dict) or not isinstance(about["settings"], dict):
             raise ValueError("settings")
@@ -149,7 +150,8 @@ def read_any(path: files.Pathlike) -> Content:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
 
-def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _payload(path: files.Pathlike) -> bytes:
+    """Return the NPZ in a file, after its format and its checksum."""
     with paths.anywhere():
         name, line, rest = paths.read_bytes(Path(path), paths.MOST_GEOMETRY).partition(b"\n")
     name += line
@@ -161,11 +163,7 @@ def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     digest, data = rest[:_DIGEST], rest[_DIGEST:]
     if hashlib.sha256(data).digest() != digest:
         raise InputError(f"a damaged record cache (its checksum is wrong); {_REMEDY}", path)
-    try:
-        state = _arrays(data)
-        return json.loads(str(state.pop("about"))), state
-    except files.DAMAGE as error:
-        raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
+    return data
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:

@@ -54,7 +54,8 @@ class TileScreens:
         for column, row in _grid(cells, (across, up)):
             part = Part(state.size, (column * step, row * step), (across * step, up * step))
             found = self._examine_part(state, part_of(camera, part), part, stride, settings, (column, row))
-            whole = whole or _empty(found, (cells[1], cells[0]))
+            arrays = vars(found).items()
+            whole = whole or Examination(**{name: np.zeros((*cells[::-1], *of.shape[2:]), of.dtype) for name, of in arrays})
             wide, high = min(across, cells[0] - column), min(up, cells[1] - row)
             for name, values in vars(whole).items():
                 # rows run down
@@ -158,8 +159,3 @@ def _grid(size: Collection[int], step: Size) -> Iterator[tuple[int, int]]:
     """Yield the corners of squares of `step` that cover `size` (width, height), row by row."""
     width, height = size
     return ((x, y) for y in range(0, height, step[1]) for x in range(0, width, step[0]))
-
-
-def _empty(like: Examination, shape: Size) -> Examination:
-    """Return an empty examination of so many rows and columns."""
-    return Examination(**{name: np.zeros((*shape, *values.shape[2:]), values.dtype) for name, values in vars(like).items()})

@@ -89,7 +89,7 @@ class SurfaceCache(Owner):
     @property
     def current(self) -> bool:
         """True if lookups find values of about the present light. Moved meshes change little of the light."""
-        return self._in_use.complete or (self._level.changes and self.follows) or not self._outdated
+        return self._in_use.complete or (self._level.still == 0 and self.follows) or not self._outdated
 
     @property
     def follows(self) -> bool:
@@ -128,7 +128,8 @@ class SurfaceCache(Owner):
     def hold_light(self, shadows: ShadowMaps) -> None:
         """Prepare the full level, and the level in use, to follow a change of the scene. shadows: the maps before the change."""
         for level in dict.fromkeys((self._level, self._in_use)):
-            level.hold_light(shadows)
+            if level.follower is not None:
+                level.follower.begin(shadows)
 
     def may_add(self) -> bool:
         """True if a difference between lights may be added to the full level."""

@@ -24,14 +24,15 @@ _HIDDEN = 0.5  # of a site's reflected light: a moved emitter that reflects so m
 class Follower:
     """Values at `sites` that follow moving light, from `begin` on. The transport between the sites is known.
 
-    E_1: (S, 3) irradiance gathered with the present lights, W/m².
+    E_1: (S, 3) irradiance gathered with the present lights, W/m². direct: D of the last step; None before `begin`. relit: True if
+    lights have changed since that step.
     """
 
     def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray) -> None:
         self._rays, self._sites = rays, sites
-        self._direct: np.ndarray | None = None  # D of the last step; None before `begin`
+        self.direct: np.ndarray | None = None
         self._beyond = E_1  # c once `begin` has taken F·D away
-        self._relit = False  # True if lights have changed since
+        self.relit = False
         self._moved_emitters = np.zeros(sites.records.count, bool)  # True for sites on emissive meshes that have moved
 
     @property
@@ -40,26 +41,17 @@ class Follower:
         assert self._sites.transport is not None
         return self._sites.transport
 
-    @property
-    def begun(self) -> bool:
-        """True if the direct light before the first change is known."""
-        return self._direct is not None
-
     def begin(self, shadows: ShadowMaps) -> None:
         """Measure the direct light before the first change of the scene."""
-        if self._direct is None:
-            self._direct = self._rays.direct_light(self._sites, shadows)
-            self._beyond = self._beyond - self._transport(self._direct)
-
-    def relight(self) -> None:
-        """Mark the lights as changed."""
-        self._relit = True
+        if self.direct is None:
+            self.direct = self._rays.direct_light(self._sites, shadows)
+            self._beyond = self._beyond - self._transport(self.direct)
 
     def dim(self, factor: np.ndarray) -> None:
         """Scale direct light and residual by `factor`, (3,)."""
         self._beyond = self._beyond * factor
-        if self._direct is not None:
-            self._direct = self._direct * factor
+        if self.direct is not None:
+            self.direct = self.direct * factor
 
     def move(self, change: SceneChange) -> None:
         """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""
@@ -82,12 +74,12 @@ class Follower:
     def step(self, shadows: ShadowMaps, E: np.ndarray, gathered: np.ndarray) -> np.ndarray:
         """Return (S, 3) the present irradiance, W/m², from that of the frame before, E. gathered: the sites that were gathered
         with the present lights."""
-        assert self._direct is not None
+        assert self.direct is not None
         D = self._rays.direct_light(self._sites, shadows)
-        if self._relit:
-            kept = overlap(self._direct, D, self._sites.area)
+        if self.relit:
+            kept = overlap(self.direct, D, self._sites.area)
             self._beyond *= np.where(emits(self._rays.world.scene), 1.0, kept).astype(np.float32)
-        self._direct, self._relit = D, False
+        self.direct, self.relit = D, False
         if len(gathered):
             self._beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
         present: np.ndarray = self._beyond + self._transport(D + E)

@@ -48,7 +48,7 @@ class SiteLevel(Owner):
     detail: the density of its sites and rays. shown: the sites with the values of lookups; None before the first values.
     complete: True if these values are complete for the scene and the settings. sites: the sites of the present scene; None
     until they are chosen. follower: updates the values in use until the next values are complete; None if the transport between
-    the sites is unknown.
+    the sites is unknown. still: number of frames since the scene has changed.
     """
 
     def __init__(self, world: World, settings: Settings, detail: Detail) -> None:
@@ -56,7 +56,7 @@ class SiteLevel(Owner):
         self._rays = SiteRays(world, settings, detail)
         self._steps = _Steps()
         self._unlit = world.unlit_interiors  # of the scene that the sites are of
-        self._still = np.inf  # frames since the scene has changed
+        self.still = np.inf
         self._moved = False  # True if meshes have moved since the choice of the sites
         self._mixed = False  # True if the values that are being made are of light before and after a change
         self.shown: SurfaceSites | None = None
@@ -81,11 +81,6 @@ class SiteLevel(Owner):
         return None if self.shown is None else self.shown.light
 
     @property
-    def changes(self) -> bool:
-        """True if the scene has changed since the last frame."""
-        return self._still == 0
-
-    @property
     def progress(self) -> float:
         """The completed share of the values for the scene and settings, 0..1; 0 while sites are chosen."""
         if self.complete:
@@ -96,11 +91,6 @@ class SiteLevel(Owner):
         return 0.99 * (1.0 - len(records.stale) / max(records.count, 1))
 
     # ---- changes ---------------------------------------------------------------------------------------------------
-
-    def hold_light(self, shadows: ShadowMaps) -> None:
-        """Prepare to follow a change of the scene. shadows: the maps before the change."""
-        if self.follower is not None:
-            self.follower.begin(shadows)
 
     def may_add(self) -> bool:
         """True if a difference between lights may be added to the values."""
@@ -127,7 +117,7 @@ class SiteLevel(Owner):
         # sites without a place; other reflectances
         if change.hides or change.repainted or change.other_sky or other_rays:
             self._forget_transport()
-        if (moved or relit) and self.follower is not None and not self.follower.begun:  # changed before any shadow map
+        if (moved or relit) and self.follower is not None and self.follower.direct is None:  # changed before any shadow map
             self.follower = None
         if moved and self.follower is not None:
             self.follower.move(change)
@@ -136,9 +126,9 @@ class SiteLevel(Owner):
         if change.dimming is not None:
             self._dim(change.dimming)
         if moved or relit:
-            self._still, self._moved = 0, self._moved or moved
+            self.still, self._moved = 0, self._moved or moved
         if relit and self.follower is not None:
-            self.follower.relight()
+            self.follower.relit = True
         if other_rays or other_light or relit or moved:
             self.expire()
         elif old.bounces != settings.bounces:
@@ -225,11 +215,11 @@ class SiteLevel(Owner):
     def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:
         """Update the values in use while the scene changes from frame to frame. Return their relative change; None for none."""
         follower, shown = self.follower, self.shown
-        changing = self._still <= (_STILL if self._moved else 0)
-        self._still += 1
+        changing = self.still <= (_STILL if self._moved else 0)
+        self.still += 1
         if follower is None or not (changing and budget.limited):
             if self._moved:
-                self._still, self._moved = np.inf, False
+                self.still, self._moved = np.inf, False
                 self._drop_sites()
             return None
         assert shown is not None and shown.light is not None
@@ -324,7 +314,7 @@ class SiteLevel(Owner):
         sites.write(made.irradiance)
         sites.light = made
         before, self.shown, self.complete = self.shown, sites, True
-        self._steps.bouncing, self.follower, self._still, self._moved = None, None, np.inf, False
+        self._steps.bouncing, self.follower, self.still, self._moved = None, None, np.inf, False
         if sites.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
             self.follower = Follower(self._rays, sites, self._first(sites.records))
         if before is not None and before is not sites:

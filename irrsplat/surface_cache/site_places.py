@@ -9,8 +9,6 @@ measure of the hits, which conserves the transported light.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from irrsplat.core.buffers import Sites
@@ -24,28 +22,15 @@ _TOUCHING = 0.01  # the least of these shares that counts: a gap thinner than th
 _BOUNCES = 8  # along which the importance of sites is followed
 
 
-class _Hits(NamedTuple):
-    """N hits of rays from the sites `origin` (N,).
-
-    site: (N,) the one that is hit. share: (N,) how much the ray passes on. position and shading normal: (N, 3). triangle: (N,).
-    """
-
-    origin: np.ndarray
-    site: np.ndarray
-    share: np.ndarray
-    position: np.ndarray
-    normal: np.ndarray
-    triangle: np.ndarray
-
-
 class Survey:
     """Hits of a few rays from each of the `sites` (S,), with their `transport`. done: the number of surveyed sites."""
 
     def __init__(self, sites: Sites, rays: int) -> None:
         self.sites, self.done = sites, FIRST_SITE
         self.transport = Transport(len(sites), rays)
-        no_numbers, no_points = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
-        self._hits = [_Hits(no_numbers, no_numbers, np.zeros(0), no_points, no_points, no_numbers)]
+        none, nowhere = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
+        # of N hits: ray origin, the site that is hit, transported share, position, shading normal, triangle
+        self._hits: list[tuple[np.ndarray, ...]] = [(none, none, np.zeros(0), nowhere, nowhere, none)]
 
     def store(self, numbers: np.ndarray, hits: tuple[np.ndarray, ...], met: tuple[np.ndarray, ...]) -> None:
         """Store the hits of the rays of sites of these numbers (N,), see SiteRays.hits. met: their places, by TraceGather.met."""
@@ -53,7 +38,7 @@ class Survey:
         self.transport.fill(numbers, share, site, albedo)
         part = np.where(site < FIRST_SITE, 0.0, share * albedo.mean(-1))
         rays = np.nonzero(part)
-        self._hits.append(_Hits(numbers[rays[0]], site[rays], part[rays], *(column[rays] for column in met)))
+        self._hits.append((numbers[rays[0]], site[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)
 
     def places(
@@ -64,22 +49,22 @@ class Survey:
         R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. level: (S,) see SiteLayout. corners:
         (F, 3, 3) of the triangles. emissive: (F,) True for triangles that emit light.
         """
-        hits = _Hits(*map(np.concatenate, zip(*self._hits, strict=True)))
+        origin, site, share, place, shading, face = map(np.concatenate, zip(*self._hits, strict=True))
         assert self.sites.triangle is not None
-        weight = self._importance(R, area)[hits.origin] * hits.share
+        weight = self._importance(R, area)[origin] * share
         # The gap between a panel and a ceiling is bright and hidden. It must not represent the ceiling around the panel.
-        away = ((hits.position - self.sites.position[hits.origin]) ** 2).sum(1)
-        near = np.minimum(away / np.maximum(_NEAR**2 * (area * 4.0**level)[hits.site], 1e-30), 1.0)
+        away = ((place - self.sites.position[origin]) ** 2).sum(1)
+        near = np.minimum(away / np.maximum(_NEAR**2 * (area * 4.0**level)[site], 1e-30), 1.0)
         near = np.where(near < _TOUCHING, 0.0, near)
-        weight *= np.where(emissive[self.sites.triangle[hits.origin]], near, 1.0)
-        drawn = _drawn(hits.site, weight, hits.position, len(self.sites), seed)
+        weight *= np.where(emissive[self.sites.triangle[origin]], near, 1.0)
+        drawn = _drawn(site, weight, place, len(self.sites), seed)
         met = drawn >= 0
         hit, at = drawn[met], np.repeat(np.arange(len(self.sites)), PLACES)
         columns = [getattr(self.sites, name)[at] for name in ("position", "normal", "geometric", "triangle")]
         position, normal, geometric, triangle = columns
-        position[met], normal[met], triangle[met] = hits.position[hit], hits.normal[hit], hits.triangle[hit]
+        position[met], normal[met], triangle[met] = place[hit], shading[hit], face[hit]
         upward = triangle_normals(corners[triangle[met]])[0].T
-        below = ((self.sites.position[hits.origin[hit]] - position[met]) * upward).sum(1) < 0.0
+        below = ((self.sites.position[origin[hit]] - position[met]) * upward).sum(1) < 0.0
         geometric[met] = np.where(below[:, None], -upward, upward)
         return Sites(position, normal, geometric, triangle)
 

@@ -74,13 +74,13 @@ def tessellate(
     cut = np.flatnonzero(near | sliver)
     apex = np.where(sliver[cut], (edges[:, cut].argmin(0) + 2) % 3, -1)
     pieces = np.where(apex < 0, n[cut], strips[cut])
-    parts = _count(pieces, apex)
+    parts = np.where(apex < 0, pieces**2, 2 * pieces - 1)
     row = np.concatenate([np.arange(len(p)), np.repeat(cut, parts)])  # the triangle of each row of the table
     table = np.zeros((len(row), 2), np.float32)
     table[cut] = np.stack([-pieces - _APEX * (apex + 1), len(p) + np.cumsum(parts) - parts], axis=1)
     level = np.zeros(len(row), np.intp)
     if len(cut):
-        p, normals = (np.concatenate([of, _parts(of[cut], pieces, apex)]) for of in (p, normals))
+        p, normals = (np.concatenate([of, _parts(of[cut], pieces, apex, parts)]) for of in (p, normals))
         whole = row[len(faces) :]
         level[len(faces) :] = near[whole] * _halvings(p[len(faces) :], spacing[whole], lights)
         longest, spacing = _edges(p).max(0), spacing[row] * 0.5**level
@@ -152,21 +152,12 @@ def _strips(longest: np.ndarray, width: np.ndarray) -> np.ndarray:
         width = 1.25 * width
 
 
-def _count(n: np.ndarray, apex: np.ndarray) -> np.ndarray:
-    """Return (F,) the number of parts of triangles: n² (F,), or 2n - 1 of a sliver that is cut into n strips.
-
-    apex: (F,) the corner of a sliver between its long edges, which the strips cross; -1 for other triangles.
-    """
-    count: np.ndarray = np.where(apex < 0, n * n, 2 * n - 1)
-    return count
-
-
-def _parts(corners: np.ndarray, n: np.ndarray, apex: np.ndarray) -> np.ndarray:
+def _parts(corners: np.ndarray, n: np.ndarray, apex: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Return (P, 3, 3) the columns at the corners of the parts of each triangle, by those at its `corners` (F, 3, 3).
 
-    n, apex: see _count.
+    counts: (F,) the number of parts, n² (F,), or 2n - 1 of a sliver that is cut into n strips. apex: (F,) the corner of a sliver
+    between its long edges, which the strips cross; -1 for other triangles.
     """
-    counts = _count(n, apex)
     of = np.repeat(np.arange(len(n)), counts)
     part = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
     i, j = _corners(part, n[of])

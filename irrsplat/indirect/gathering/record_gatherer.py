@@ -29,6 +29,7 @@ from irrsplat.surface_cache.light_difference import LightDifference, changed_lig
 from irrsplat.surface_cache.site_layout import FULL, detail_for
 from irrsplat.surface_cache.transport import BouncedLight
 
+_PLACES = "seed", "placement", "warmup"  # settings that determine the positions of records
 _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take; input ends this one too
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
@@ -208,7 +209,8 @@ class RecordGatherer(Owner):
         changed: lights whose difference is added to the records.
         """
         cache, kept, was, settings = self.cache, None, old.settings, new.settings
-        if _places(was) != _places(settings) or change.was_dark:  # pixels without a record show probes, and black ones would stay
+        # pixels without a record show probes, and black records would stay
+        if change.was_dark or any(getattr(was, name) != getattr(settings, name) for name in _PLACES):
             cache.truncate(0)
         if change.moved:
             kept = cache.move_with_meshes(change)
@@ -528,8 +530,3 @@ class RecordGatherer(Owner):
         if self.basis.from_file is not None:
             return {"gathered_by": how, **self.basis.from_file}
         return {"gathered_by": how, "bounces": min(most, 1), "bounces_converged": False if everything else None}
-
-
-def _places(settings: Settings) -> tuple[object, ...]:
-    """Return the settings that determine the positions of records."""
-    return settings.seed, settings.placement, settings.warmup
