@@ -72,14 +72,11 @@ class Gather(Owner):
         return self.offset, self.world.scene.diagonal
 
     def batches(self, requested: int, budget: Budget, times: int = 1) -> Iterator[slice]:
-        """Yield slices of the `requested` number of records, one batch each, until all are done or the budget ends.
+        """Return slices of the `requested` number of records, one batch each, until all are done or the budget ends.
 
         The caller gathers each batch before it takes the next. times: the number of gathers of each record.
         """
-        done = 0
-        for count in self._pace.batches(requested, self.capacity, budget, times * self.share.size):
-            yield slice(done, done + count)
-            done += count
+        return self._pace.batches(requested, self.capacity, budget, times * self.share.size)
 
     def _frame_rows(self, sites: Sites, numbers: np.ndarray, seed: int) -> np.ndarray:
         """Return (5, N, 4) float32, the rows of Atlas.frames of the records of these `numbers` in the cache, at `sites`."""

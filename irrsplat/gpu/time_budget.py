@@ -116,12 +116,11 @@ class Pace:
         if stuck and spread < prior:
             self._overhead += _EXPLORE * (1.0 + self._overhead)
 
-    def batches(self, requested: int, capacity: int, budget: Budget, rays: int = 0) -> Iterator[int]:
-        """Yield batch sizes of at most `capacity` until all items are done or the budget ends; at least one item, but none while
-        input waits.
+    def batches(self, requested: int, capacity: int, budget: Budget, rays: int = 0) -> Iterator[slice]:
+        """Yield batches of at most `capacity` items until all are done or the budget ends.
 
-        The caller processes each batch before it takes the next size; the time in between is the batch's cost. rays: per item,
-        for a clock that counts rays.
+        There is at least one item, but none while input waits. The caller processes each batch before it takes the next one; the
+        time in between is the batch's cost. rays: per item, for a clock that counts rays.
         """
         done, last, step = 0, 0, max(_STEP, _STEP_RAYS // max(rays, 1) if rays else 0)
         if not self._sums[0] and rays:
@@ -138,7 +137,7 @@ class Pace:
                 count = int(min(most, max(min(affordable, longest), efficient)))
                 self.ctx.finish()  # exclude earlier draws from the measurement
             start = now()
-            yield count
+            yield slice(done, done + count)
             traced(count * rays)
             if budget.limited:
                 self.ctx.finish()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from functools import partial
-from typing import cast
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
-from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.indirect.hole_filling import HoleProbes
 from irrsplat.indirect.paper_scan import Scan, gather_record, read_back
@@ -304,7 +302,7 @@ class RecordScheduler(Owner):
         self.cache.restore(state.records)
         self.adaptation.accept(state.settings, state.compared)
         self._checked = PlacesChecked(state.checked, self.cache.count)
-        self.gatherer.resume_with(cast(BounceStatistics, dict(state.bounces)))
+        self.gatherer.resume_with(state.bounces)
 
 
 def _requested_by(sites: Sites, camera: Camera, size: tuple[int, int]) -> Sites:

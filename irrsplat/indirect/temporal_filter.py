@@ -82,7 +82,9 @@ class TemporalFilter(Owner):
         """
         shown, left = self._shown, self.left(subject)
         changed = shown is not None and any(a is not b for a, b in zip(shown.scene, scene, strict=True))
-        now, share = self._target(splats.sums.size, shown), self._share(subject, changed or provisional)
+        now, share = self._target(splats.sums.size, shown), CHANGING if changed or provisional else SHARE
+        if shown is None or shown.subject == subject:
+            share = 1.0 / (left + 1)
         stride = splats.pixel_stride
         before = self._before(shown or _Shown(self.nothing, camera, None, (), 0))
         for band in bands(now.size):
@@ -100,14 +102,6 @@ class TemporalFilter(Owner):
             stop_for_input(self.ctx)  # the last picture stays in the other target
         self._shown = _Shown(now, camera, subject, scene, left)
         return replace(splats, sums=now.textures[0]) if left or filling else splats
-
-    def _share(self, subject: object, changed: bool) -> float:
-        """Return the share of the next picture's irradiance that follows the records at once. changed: True if the
-        last picture no longer holds."""
-        shown = self._shown
-        if shown is None or shown.subject == subject:
-            return 1.0 / (self.left(subject) + 1)
-        return CHANGING if changed else SHARE
 
     def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
         """Return a target for the next picture's irradiance, without the last picture's."""

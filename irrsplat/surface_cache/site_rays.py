@@ -26,9 +26,8 @@ from irrsplat.surface_cache.site_layout import Detail
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.visibility import VisibilityPass
 
-RAYS = 1_000_000  # about, of all sites: among many sites, more of them light a record
+RAYS = 1_000_000  # about, of all sites of a full level: among many sites, more of them light a record
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
-_MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 20 bytes of the transport
 
 
 class SiteRays(Owner):
@@ -49,7 +48,7 @@ class SiteRays(Owner):
 
     def gather_for(self, sites: int) -> TraceGather:
         """Return the gather from the places of so many sites, which share all rays."""
-        rays = RAYS * min(self._detail.points, _MOST_RAYS) * self._detail.rays / max(sites, 1)
+        rays = RAYS * self._detail.points * self._detail.rays / max(sites, 1)
         return self._gather("gather", self._side(rays))
 
     def quick_gather(self) -> TraceGather:

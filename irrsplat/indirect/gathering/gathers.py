@@ -1,8 +1,10 @@
-"""The passes that gather records: gathers along many and few rays, probes, and the reduction, each made at its first use."""
+"""The inputs of a cache's records, and the passes that gather records by these inputs: gathers, probes, and the reduction."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,10 +16,44 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.gathering.basis import Basis
 from irrsplat.lighting.emitter_table import emitter_table
+from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Scene and settings of the cache's records, and changes that the records do not follow yet.
+
+    kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed, and the affected records are not
+    selected yet. relit: True if lights or materials have changed since the surface cache was made. from_file: the statistics
+    `bounces` of records from a file, until their surface cache is made.
+    """
+
+    scene: Scene
+    settings: Settings
+    kind: str
+    moved: bool = False
+    relit: bool = False
+    from_file: Mapping[str, object] | None = None
+
+    @cached_property
+    def lights(self) -> dict[str, int]:
+        """The kinds of lights that gathers are compiled for."""
+        return light_defines(self.scene)
+
+    @property
+    def way(self) -> tuple[object, ...]:
+        """The settings that determine a record's directions and their noise."""
+        settings = self.settings
+        return self.kind, settings.gather_size, settings.light_samples
+
+    @property
+    def uses_surface_cache(self) -> bool:
+        """True if records use a surface cache: for more than one bounce."""
+        return self.settings.most_bounces > 1
 
 
 class Gathers(Owner):

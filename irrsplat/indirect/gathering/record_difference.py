@@ -9,9 +9,8 @@ import numpy as np
 from irrsplat.core.buffers import HitLight
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gpu.resource import Owner
-from irrsplat.indirect.gathering.basis import Basis
 from irrsplat.indirect.gathering.change_probe import MAX_DRIFT
-from irrsplat.indirect.gathering.gathers import Gathers
+from irrsplat.indirect.gathering.gathers import Basis, Gathers
 from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.surface_cache.light_difference import LightDifference
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -16,9 +17,8 @@ from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.gathering.basis import Basis, BounceStatistics
 from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, apply_probes, columns_of, scale_by_surface
-from irrsplat.indirect.gathering.gathers import Gathers
+from irrsplat.indirect.gathering.gathers import Basis, Gathers
 from irrsplat.indirect.gathering.record_difference import RecordDifference
 from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.scene.change import SceneChange
@@ -297,7 +297,6 @@ class RecordGatherer(Owner):
         unsigned sum of E of all parts.
         """
         sites, settings = self.cache.sites(numbers), self.settings
-        sites = replace(sites, frame_rotation=sites.frame_rotations(numbers))
         after, unsigned = {name: held[name][numbers] for name in LINEAR}, np.zeros((len(numbers), 3), np.float32)
         for gather, light, sign in parts:
             made = self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers)
@@ -331,14 +330,13 @@ class RecordGatherer(Owner):
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         waits = budget.limited and coarse and (self._without_tree or first_records)  # the full level has virtual lights
         change = None if waits else surface.advance(shadows, part)
-        made = change is not None
         if change is not None and basis.from_file is None:
             self._follow_values(surface, change, first, before, sites, followed)
             if surface.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
-        if made:
+        if change is not None:
             self.basis = replace(self.basis, relit=self.basis.relit and not surface.current, from_file=None)
-        ready = surface.result is not None and (surface.complete if self.difference else made or surface.current)
+        ready = surface.result is not None and (surface.complete if self.difference else change is not None or surface.current)
         self._waited = waits and ready
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
@@ -353,18 +351,14 @@ class RecordGatherer(Owner):
         and so the records, have followed the light: other sites add their error alone.
         """
         cache, relit = self.cache, self.basis.relit and surface.current
-        if self.difference is not None:  # the stale records get exactly this difference
-            if before is not None and cache.count:
-                scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
-            return
-        if first or (relit and before is None):
-            cache.invalidate(None if first else np.arange(cache.count))
-            return
-        if relit:
-            cache.invalidate(np.arange(cache.count))
-        cache.column("due")[:] += change
-        self.basis = replace(self.basis, moved=True)
-        if before is not None and cache.count and (not surface.current or (relit and not followed)):
+        if self.difference is None:  # otherwise the stale records get exactly this difference
+            if first or relit:
+                cache.invalidate(None if first else np.arange(cache.count))
+            if first or (relit and before is None):
+                return
+            cache.column("due")[:] += change
+            self.basis = replace(self.basis, moved=True)
+        if before is not None and (self.difference or not surface.current or (relit and not followed)):
             scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
 
     def probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
@@ -487,7 +481,7 @@ class RecordGatherer(Owner):
         """True if all records will be stale once pending changes are applied."""
         return self.basis.moved or (self.basis.from_file is None and self.surface_share < 1.0)
 
-    def resume_with(self, bounces: BounceStatistics) -> None:
+    def resume_with(self, bounces: Mapping[str, object]) -> None:
         """Continue with records from a file, which were gathered with these `bounces`.
 
         Their surface cache is made when further records are gathered.
@@ -520,8 +514,8 @@ class RecordGatherer(Owner):
         """The values of the surface cache; None without any."""
         return None if self.surface_now is None else self.surface_now.result
 
-    def bounces(self, settings: Settings) -> BounceStatistics:
-        """Return the statistics of the gather and of the bounces."""
+    def bounces(self, settings: Settings) -> Mapping[str, object]:
+        """Return the statistics of the gather and of the bounces, as in image/statistics.py."""
         how = self.basis.kind
         everything, most = settings.bounces == "all", settings.most_bounces
         made = self.surface.result if self.surface is not None and most > 1 else None
