@@ -25,7 +25,6 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
-from irrsplat.image.composite import CompositePass
 from irrsplat.image.frame import Frame
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress, View
@@ -137,11 +136,6 @@ class Renderer(Tenant):
         """The splat buffer of the present view."""
         return self.stages.splats(self._frames.state)
 
-    def composite_pass(self, view: View) -> CompositePass:
-        """Return the pass that composites pictures of the size of a `view`."""
-        check_type("a view", view, View)
-        return self._frames.composite_pass(view)
-
     def draw_shadows(self) -> ShadowMaps:
         """Return the shadow maps of the present scene."""
         return self.stages.draw_shadows(self._frames.state)
@@ -248,7 +242,7 @@ class Renderer(Tenant):
             raise InputError(f"the framebuffer has {framebuffer.size} pixels and the view {view.image.size}; resize the renderer")
         if exposure is None:
             exposure = self.stops(view)
-        self.composite_pass(view).show(view.image, checked_number("an exposure", exposure), Screen(framebuffer))
+        self._frames.composite_pass(view).show(view.image, checked_number("an exposure", exposure), Screen(framebuffer))
 
     def automatic_stops(self, view: View) -> float:
         """Return the automatic exposure of a view in stops, also with another exposure in the settings."""
@@ -313,12 +307,6 @@ class Renderer(Tenant):
         """Change scene, size or settings; if the change is refused, all of them stay as before."""
         self._use()
         self._frames.change_to(tiling.checked(state, self.ctx, again=state.size != self.size))
-
-    def renew(self) -> None:
-        """Draw everything again, and gather all records again in place."""
-        self._frames.leave_refinement()
-        self.scheduler.expire()
-        self.forget(records=False)
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw every buffer of the view again next time; without the present `records`, and the `lights`' shadow maps."""
@@ -405,11 +393,6 @@ class Renderer(Tenant):
         self._use_whole()
         self._frames.leave_refinement()
         return self._frames.frozen(self._seen_by(camera)).progress.coverage
-
-    def stats(self, view: View) -> Statistics:
-        """Return the statistics that describe a frame's scene, settings and OpenGL renderer; `converge` adds its counts."""
-        check_type("a view", view, View)
-        return self._whole.described(view.samples, self.stops(view))
 
 
 def render(

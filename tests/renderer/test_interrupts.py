@@ -99,7 +99,8 @@ def test_what_counts_as_current_is(
             assert len(drawn_again["records"]) == count, f"line {number}: records were missing"
             for name in ("position", "direct", "sums", "image"):
                 assert np.allclose(found[name], drawn_again[name], rtol=1e-4, atol=1e-5), f"line {number}: {name}"
-            renderer.renew()
+            renderer.forget(records=False)
+            renderer.scheduler.expire()
             gathered_again = at_rest(renderer)["records"][:count]
             off = np.abs(found["records"] - gathered_again).max() / gathered_again.mean()
             assert off < (0.15 if act is act_move else 0.005), f"line {number}: records"  # a move renews what it changes enough

@@ -165,7 +165,8 @@ def test_a_moved_scene_is_as_if_it_had_been_loaded_so(ctx: moderngl.Context, tra
         old.render()
         old.move(BOX, transform)
         old.render()
-        old.renew()
+        old.forget(records=False)
+        old.scheduler.expire()
         old.frame()
         frame, after = old.render(), old.scene
         assert frame.stats["triangles"] == room().triangles and frame.stats["converged"]

@@ -15,7 +15,6 @@ from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import pixels
 from irrsplat.image.tonemap import tonemap
-from irrsplat.image.view import read
 from tests.app.viewer.test_viewer_leaks import CREATORS
 from tests.support.counted_clock import CountedClock
 from tests.support.viewing import Driver, brighter, viewing, write_room
@@ -74,7 +73,7 @@ def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
     assert counts == sorted(counts) and set(counts) == set(range(1, SAMPLES + 1))
     renderer = session.renderers[0]
     renderer.change(replace(renderer.settings, samples=SAMPLES))
-    mine = read(session.views[0], renderer.cache.read(), renderer.stats(session.views[0]))
+    mine = session.views[0].read()
     frame = renderer.render(session.camera)
     for name in ("image", "direct", "indirect", "emission", "irradiance"):
         assert np.allclose(getattr(mine, name), getattr(frame, name), rtol=1e-5, atol=1e-6), name

@@ -115,7 +115,7 @@ def look(name: str, run: Run, draw: Draw) -> Call:
     others: dict[str, Callable[[], object]] = {
         "render": lambda: renderer.render(run.camera),
         "refine": lambda: renderer.refine(run.camera, 0.05, 0.01),
-        "renew": renderer.renew,
+        "renew": lambda: (renderer.forget(False), renderer.scheduler.expire()),
     }
     return others.get(name, lambda: renderer.forget(False, some)), {}
 
