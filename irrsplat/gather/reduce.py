@@ -19,16 +19,7 @@ from irrsplat.gpu.target import Target, uneven
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.settings import WIDE
 
-_SUMS = (
-    "sums",
-    "share",
-    "sums_m_r",
-    "sums_m_g",
-    "sums_m_b",
-    "sums_g_r",
-    "sums_g_g",
-    "sums_g_b",
-)  # in the order of reduce_blocks.frag
+_SUMS = "sums", "share", *(f"sums_{what}_{channel}" for what, channel in product("mg", "rgb"))  # as in reduce_blocks.frag
 
 
 class ReducePass(Owner):

@@ -145,7 +145,7 @@ class RecordScheduler(Owner):
             self.gatherer.restore_surface(shadows, budget)
             sites, near = view.queue
             new = self.gatherer.gather(shadows, _requested_by(sites, camera, screen.size), budget, side, near)
-            view = replace(view, queue=view.queue.without(new))
+            view = replace(view, queue=Queue(sites[new:], near) if new < len(sites) else None)
             complete = view.queue is None
 
         if not complete:

@@ -46,10 +46,6 @@ class Queue(NamedTuple):
     sites: Sites
     near: bool
 
-    def without(self, done: int) -> Queue | None:
-        """Return the queue after the first `done` sites; None after the last site."""
-        return Queue(self.sites[done:], self.near) if done < len(self.sites) else None
-
 
 @dataclass(frozen=True)
 class ViewState:

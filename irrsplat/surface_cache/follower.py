@@ -85,18 +85,13 @@ class Follower:
         present: np.ndarray = self._beyond + self._transport(D + E)
         if self._moved_emitters.any():
             stale = np.flatnonzero(self._sites.records.column("due"))
-            visible = np.where(self._behind_emitters[:, None], 0.0, D + E)
+            moved = np.repeat(self._moved_emitters[:, None], 3, axis=1)
+            reflected, whole = (self._transport(sites).sum(1) for sites in (moved, np.ones_like(moved)))
+            # rays of sites behind moved emitters mostly meet these; only stale rows of F have rays from afar to such sites
+            visible = np.where((reflected > _HIDDEN * whole)[:, None], 0.0, D + E)
             present[stale] = self._beyond[stale] + self._transport(visible, stale)
         present = np.maximum(present, 0.0)
         return present
-
-    @property
-    def _behind_emitters(self) -> np.ndarray:
-        """(S,) True for sites whose rays mostly meet moved emitters. Only stale rows of F have rays from afar to them."""
-        moved = np.repeat(self._moved_emitters[:, None], 3, axis=1)
-        reflected, whole = (self._transport(sites).sum(1) for sites in (moved, np.ones_like(moved)))
-        hidden: np.ndarray = reflected > _HIDDEN * whole
-        return hidden
 
 
 def overlap(before: np.ndarray, after: np.ndarray, area: np.ndarray) -> float:

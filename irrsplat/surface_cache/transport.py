@@ -100,7 +100,9 @@ def _decay(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray
     corners, the second those corners. Sites that see no light, such as a roof's in the sun, do not pass theirs on.
     """
     before = np.where(last > 0.0, before, 0.0)
-    means, squares = ([_total(area, term**power) for term in (before, last)] for power in (1, 2))
+    # no BLAS: it shares so little out to all processors, and waits a thousand times as long where others keep these busy
+    terms = [(before**power, last**power) for power in (1, 2)]
+    means, squares = ([np.einsum("s,sc->c", area, term.astype(float)) for term in pair] for pair in terms)
     ratios = [after / np.maximum(one, 1e-300) for one, after in (means, squares)]
     decay: np.ndarray = np.maximum(ratios[0], np.sqrt(ratios[1]))
     return decay
@@ -127,12 +129,3 @@ def _share(remainder: np.ndarray, total: np.ndarray) -> float:
     share = np.divide(remainder, total, out=np.zeros_like(total), where=total > 0.0)
     lit = total > _DARK * total.max(0, initial=0.0)
     return float(((lit * share).sum(0) / np.maximum(lit.sum(0), 1)).max())
-
-
-def _total(area: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return (3,) Σ area·values of (S,) and (S, 3).
-
-    BLAS shares so little out to all processors, and waits for them: where others keep these busy, a thousand times as long.
-    """
-    total: np.ndarray = np.einsum("s,sc->c", area, values.astype(float))
-    return total
