@@ -148,20 +148,11 @@ class PlacesChecked:
 
     Positions are stored as cells of space, two to four times as wide as the distance of pixels, because the pixels of another
     view lie between those of this view. cells: (K,) ascending. records: the number of records when the positions were stored,
-    including the new records of the check.
+    including the new records of the check; fewer records mean a loss.
     """
 
     cells: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     records: int = 0
-
-    def forget(self) -> None:
-        """Forget all places."""
-        self.cells, self.records = np.zeros(0, np.int64), 0
-
-    def forget_if_fewer(self, records: int) -> None:
-        """Forget all places if so few `records` remain that some were lost."""
-        if records < self.records:
-            self.forget()
 
     def left(self, spots: Spots) -> Spots:
         """Return the places that no check has probed at this or a closer distance."""

@@ -52,8 +52,6 @@ class Seen:
         smooth = np.zeros_like(self.mask)
         inner = (slice(1, -1), slice(1, -1))
         height, width = self.mask.shape
-        if min(height, width) < 3:
-            return smooth
         smooth[inner] = self.mask[inner]
         p, n = self.position[inner], self.normal[inner]
         for dy in (0, 1, 2):

@@ -74,14 +74,14 @@ class RecordScheduler(Owner):
             self.adaptation.accept(vars(settings), self.adaptation.compared)
         other_lights = change and change.dimming is None and self.gatherer.difference is None
         if other_lights or self.settings.most_bounces != bounces:  # light differs otherwise from place to place
-            self._checked.forget()
+            self._checked = PlacesChecked()
         if kept is not None:
             self.adaptation.keep(kept)
         return change
 
     def expire(self) -> None:
         """Gather everything again."""
-        self._checked.forget()
+        self._checked = PlacesChecked()
         self.gatherer.expire()
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
@@ -135,7 +135,8 @@ class RecordScheduler(Owner):
         if scan:
             view, new, complete = self._scan(view, screen, shadows, camera, budget)
         elif view.queue is None:
-            self._checked.forget_if_fewer(self.cache.count)
+            if self.cache.count < self._checked.records:
+                self._checked = PlacesChecked()
             if self._changing:
                 view = replace(view, check=None)
             elif view.check is not None:
@@ -197,7 +198,8 @@ class RecordScheduler(Owner):
         """
         check, gatherer = view.check, self.gatherer
         if check is None:
-            if not (spots and self.room and self.settings.spread and gatherer.may_probe):
+            pays = gatherer.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]  # a gather has four times the rays
+            if not (spots and self.room and self.settings.spread and pays):
                 return replace(view, checked=True)
             left = self._resolved(self._checked.left(screen.spots()))
             check = SpotCheck(left, left)
@@ -234,7 +236,7 @@ class RecordScheduler(Owner):
         if numbers is not None:
             self.cache.keep_only(numbers)
             self.adaptation.keep(numbers)
-            self._checked.forget()
+            self._checked = PlacesChecked()
         return self.room
 
     @property
@@ -294,8 +296,8 @@ class RecordScheduler(Owner):
         # records without a comparison after a change will all be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
         records = self.cache.state(gatherer.has_pending_changes)
-        self._checked.forget_if_fewer(self.cache.count)
-        return CacheState(records, bounces, settings, self._checked.cells, self.adaptation.compared)
+        checked = self._checked if self.cache.count >= self._checked.records else PlacesChecked()
+        return CacheState(records, bounces, settings, checked.cells, self.adaptation.compared)
 
     def restore(self, state: CacheState) -> None:
         """Replace the present records by the records of a file."""

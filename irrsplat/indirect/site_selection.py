@@ -41,8 +41,6 @@ def choose(requests: np.ndarray, board: Chessboard, seed: int) -> tuple[np.ndarr
     """
     height, width = requests.shape
     rows, columns = np.nonzero(requests > 0)
-    if not len(rows):
-        return rows, columns
     side, colour = board.width, board.colour
     squares = (rows // side) * -(-width // side) + columns // side
     if colour >= 0:

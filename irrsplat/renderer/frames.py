@@ -255,14 +255,10 @@ class Frames(Owner):
             raise InputError("this view's buffers hold another view by now; use a view before the next frame is drawn")
 
     def stops(self, view: View) -> float:
-        """Return the exposure of a view in stops by the settings."""
+        """Return the exposure of a view in stops, see Renderer.stops."""
         exposure = self.state.settings.exposure
         if exposure != "auto":
             return float(exposure)
-        return self.automatic_stops(view)
-
-    def automatic_stops(self, view: View) -> float:
-        """Return the automatic exposure of a view in stops."""
         unshadowed = unshadowed_luminance(self.state.scene)
         return self.composite_pass(view).exposure(view.image, view.gbuffer, unshadowed)
 

@@ -244,11 +244,6 @@ class Renderer(Tenant):
             exposure = self.stops(view)
         self._frames.composite_pass(view).show(view.image, checked_number("an exposure", exposure), Screen(framebuffer))
 
-    def automatic_stops(self, view: View) -> float:
-        """Return the automatic exposure of a view in stops, also with another exposure in the settings."""
-        check_type("a view", view, View)
-        return self._frames.automatic_stops(view)
-
     def stops(self, view: View) -> float:
         """Return the exposure of a view in stops by the settings."""
         check_type("a view", view, View)

@@ -42,13 +42,6 @@ def eyes(members: Sites, at: np.ndarray | slice, offset: float) -> np.ndarray:
     return above
 
 
-def sees_nothing(members: Sites, bounds: np.ndarray, offset: float) -> np.ndarray:
-    """Return (M,) True where the box `bounds` (2, 3) lies below a member's surface, so that only the sky is visible."""
-    farthest = np.where(members.geometric > 0.0, bounds[1], bounds[0])  # the highest corner above the surface
-    below: np.ndarray = ((farthest - eyes(members, slice(None), offset)) * members.geometric).sum(1) <= 0.0
-    return below
-
-
 def voxel_keys(
     position: np.ndarray, normal: np.ndarray, size: float, level: np.ndarray | int = 0, within: np.ndarray | int = 0
 ) -> np.ndarray:

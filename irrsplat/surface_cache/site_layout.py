@@ -211,7 +211,9 @@ class SiteChooser:
         """Return (M,) the numbers of the members' values that need no gather, else -1."""
         value = np.full(len(members), -1)
         if self.scene.uniform_sky:  # otherwise the value depends on the normal
-            value[clustering.sees_nothing(members, self.scene.bounds, self.offset)] = SKY_VALUE
+            low, high = self.scene.bounds
+            farthest = np.where(members.geometric > 0.0, high, low) - clustering.eyes(members, slice(None), self.offset)
+            value[(farthest * members.geometric).sum(1) <= 0.0] = SKY_VALUE  # the whole scene lies below the surface
         value[~members.geometric.any(1)] = DARK_VALUE  # members of triangles without area, as in hidden meshes
         return value
 
@@ -229,8 +231,6 @@ class SiteChooser:
                 min_area = clusters.min_area if number < _ROUNDS - 1 else 0.0
                 choosing = partial(clusters.choose, left, self.detail.most - FIRST_SITE - len(sites), min_area)
                 chosen, site_of = yield from in_background(choosing)
-            if not len(chosen):
-                continue
             chosen = left[chosen]
             pending = np.flatnonzero(site_of >= 0)
             seen = np.zeros(len(left), bool)

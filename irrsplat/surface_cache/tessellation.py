@@ -68,9 +68,8 @@ def tessellate(
     strips = _strips(longest, np.maximum(np.maximum(edges.min(0), spacing), 1e-30))
     sliver = strips >= _SLIVER
     near = np.zeros(len(p), bool)
-    if lights is not None and len(lights):
-        close = np.flatnonzero(lit & (longest > _SMALL * spacing))
-        near[close] = _halvings(p[close], spacing[close], lights) > 0
+    close = np.flatnonzero(lit & (longest > _SMALL * spacing))
+    near[close] = _halvings(p[close], spacing[close], lights) > 0
     cut = np.flatnonzero(near | sliver)
     apex = np.where(sliver[cut], (edges[:, cut].argmin(0) + 2) % 3, -1)
     pieces = np.where(apex < 0, n[cut], strips[cut])

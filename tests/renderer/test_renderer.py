@@ -224,7 +224,7 @@ def test_a_wrong_size_or_setting_is_an_input_error() -> None:
         with pytest.raises(irrsplat.InputError, match="a sequence of names"):
             check_names(names)  # type: ignore[arg-type]
     with Renderer(room(), SIZE, **FAST) as renderer:
-        for call in ("stops", "automatic_stops", "direct_irradiance", "draw_gbuffer"):
+        for call in ("stops", "direct_irradiance", "draw_gbuffer"):
             with pytest.raises(irrsplat.InputError, match="not NoneType"):
                 getattr(renderer, call)(None)
         with pytest.raises(irrsplat.InputError, match="progress is a function"):

@@ -55,7 +55,7 @@ class AutoExposure:
         self._metered = (self._metered or (before and edited != self._edited)) and inputs == self._inputs
         self._inputs, self._edited = inputs, edited
         if view is not self._view and not self._metered:
-            self._view, found = view, renderer.automatic_stops(view)
+            self._view, found = view, renderer.stops(view)
             if found != 0.0 and (found < _MOST or not self._lit):  # 0 or more than _MOST means an unlit picture
                 self._goal, self._lit = min(max(found, -_MOST), _MOST), not renderer.scheduler.gatherer.awaits_light
             self._metered = self._lit and not filling

@@ -79,11 +79,6 @@ class RecordGatherer(Owner):
         return self.gathers.gather(self.basis)
 
     @property
-    def may_probe(self) -> bool:
-        """True if `probe_luminance` takes less time than a gather: both trace rays, but a gather at least four times as many."""
-        return self.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]
-
-    @property
     def may_probe_holes(self) -> bool:
         """True if gathers trace rays that need no wait, the light at their hits is known, and pictures show probes."""
         return self._built and self.basis.kind != "plane" and self.settings.placement != "scan" and not self.awaits_light

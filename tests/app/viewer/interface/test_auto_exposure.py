@@ -27,7 +27,7 @@ def test_a_dark_scene_is_exposed_as_a_bright_one() -> None:
             filling += [session.auto_exposure.stops] * (not session.progress[0].done)
         assert len(filling) > 1 and max(filling) - min(filling) < 0.05
         stops = session.auto_exposure.stops
-        assert stops == pytest.approx(session.renderers[0].automatic_stops(session.views[0]), abs=0.011)
+        assert stops == pytest.approx(session.renderers[0].stops(session.views[0]), abs=0.011)
         dimmed = [replace(light, color=cast(Any, tuple(0.1 * c for c in light.color))) for light in dark]
         darker = [replace(light, color=cast(Any, tuple(2.0**-20 * c for c in light.color))) for light in dark]
         for change in (
