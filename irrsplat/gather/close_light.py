@@ -19,7 +19,6 @@ from irrsplat.records.record_cache import RecordCache
 
 _RAYS = 0.25  # of a record's rays: rays from its hits, if all are close
 LEAST = 20.0  # weighted number of close hits below which a record keeps the values of the surface cache
-_STEP = TWELVE_BITS + 1.0  # factor of the first one of a pair of numbers
 
 
 class CloseLight(Owner):
@@ -48,7 +47,7 @@ class CloseLight(Owner):
         """
         above = np.einsum("nk,kr->nr", rows[3, :, :3], rays[:3]) > 0.0  # @ would start threads of OpenBLAS, which then spin
         pair = np.maximum(planes[..., 3], 0.0)
-        reflected = (pair - _STEP * np.floor(pair / _STEP)) * (rays[3] / (np.pi * TWELVE_BITS)) * above
+        reflected = np.mod(pair, TWELVE_BITS + 1.0) * (rays[3] / (np.pi * TWELVE_BITS)) * above
         close = reflected.sum(1) * rays.shape[1]
         gathers = np.where(close > LEAST, np.ceil(close * _RAYS / LEAST_SIDE**2), 0.0).astype(np.intp)
         values = np.tile(np.array([0.0, -1.0], np.float32), (len(gathers), 1))

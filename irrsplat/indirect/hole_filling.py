@@ -47,11 +47,6 @@ class HoleProbes(Owner):
             self.cache.keep_only(np.arange(self.cache.count // 2, self.cache.count))
         return other or crowded
 
-    @property
-    def state(self) -> object:
-        """A value that differs if earlier probes or their light differ."""
-        return self.cache.revision, self.light
-
 
 class HoleFilling(Owner):
     """Passes that fill the holes of pictures of `size` (width, height). A cell is a square of pixels with one probe."""
@@ -95,7 +90,9 @@ class HoleFilling(Owner):
             return [0]
 
         # without probes, the cells are drawn for one picture alone
-        drawn = self._memo.get("cells", object() if probes is None else (gbuffer, splats, probes.state), draw)
+        drawn = self._memo.get(
+            "cells", object() if probes is None else (gbuffer, splats, probes.cache.revision, probes.light), draw
+        )
         (width, height), (position, normal, rest, *_) = self.size, self._cells.textures
         if probes is not None and probes.cache.count > drawn[0]:
             self.add_probes(

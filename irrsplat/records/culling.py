@@ -63,6 +63,6 @@ def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.nd
     for v, side, of_all, first in zip((x, y), size, whole, corner, strict=True):
         centre = 0.5 * of_all - first  # pixel of the view axis; in a part of a picture it may lie outside
         after, before = ((length + _MARGIN) * pixel for length in (side - centre, centre))  # tangents of the half angles
-        for apart, tangent in ((abs(v), after),) if after == before else ((v, after), (-v, before)):
+        for apart, tangent in (v, after), (-v, before):
             outside = np.maximum(outside, (apart + tangent * z) * float(1.0 / np.hypot(1.0, tangent)))
     return outside

@@ -200,5 +200,4 @@ def _joined(states: Sequence[CacheState]) -> tuple[CacheState, np.ndarray]:
 def _bounces(states: Sequence[CacheState]) -> dict[str, object]:
     """Return the bounce statistics of the cache with the fewest bounces."""
     found = [dict(state.bounces) for state in states]
-    least = min(found, key=lambda bounces: (bool(bounces.get("bounces_converged")), int(str(bounces.get("bounces", 0)))))
-    return least
+    return min(found, key=lambda bounces: (bool(bounces.get("bounces_converged")), int(str(bounces.get("bounces", 0)))))

@@ -24,7 +24,6 @@ from irrsplat.scene.change import SceneChange
 
 _FLOOR = 0.015  # of the records' mean luminance: see RecordCache.update_luminance_floor
 _STEADY = 1.4  # greatest ratio of the luminance floor to its newly computed value, either way, that leaves it unchanged
-_ROWS = 4  # initial rows of the textures, doubled whenever they are full
 LINEAR = ("irradiance", "vectors", "gradient")  # columns in proportion to the light; R depends on geometry alone
 PROBED = ("irradiance", "radius", "vectors", "gradient")  # columns of a record that a probe keeps, in this order
 
@@ -80,8 +79,8 @@ class RecordCache(Owner):
         self.revision = 0  # rises when existing records change or are dropped: their splats are void
         self.evicted = 0  # records dropped by `keep_only` so far
         self.luminance_floor = 0.0  # W/m², see `update_luminance_floor`
-        self._columns = {name: np.zeros((_ROWS * TABLE_COLUMNS, *c.shape), c.dtype) for name, c in _COLUMNS.items()}
-        self._textures = {name: self._texture(name, _ROWS) for name in TEXTURES}
+        self._columns = {name: np.zeros((TABLE_COLUMNS, *c.shape), c.dtype) for name, c in _COLUMNS.items()}
+        self._textures = {name: self._texture(name, 1) for name in TEXTURES}
         self._view = 0  # number of the present view
         self._next_id = 0
 
@@ -155,7 +154,7 @@ class RecordCache(Owner):
         return first
 
     def _reserve(self, count: int) -> None:
-        """Grow the arrays to hold `count` records."""
+        """Double the rows of arrays and textures until they hold `count` records."""
         rows = self._rows
         if count <= rows * TABLE_COLUMNS:
             return

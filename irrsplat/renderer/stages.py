@@ -150,7 +150,7 @@ class Stages(Owner):
         backdrop = backdrop_of(state.scene, settings, sky_maps(self.world))
         probed = filling and accumulating and done.progress.coverage < COVERED
         probes = self.scheduler.hole_probes if probed else None
-        probe_state = probes and (probes.state, probes.cache.count)
+        probe_state = probes and (probes.light, probes.cache.revision, probes.cache.count)
         subject = gbuffer, lit_by, splats, settings.blend, filling, held, probe_state, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
         if not accumulating:

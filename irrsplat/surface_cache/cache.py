@@ -38,14 +38,14 @@ class SurfaceCache(Owner):
         self.world, self.timers = world, timers
         self._level = SiteLevel(world, settings, detail)
         self._coarse: SiteLevel | None = None  # made by the first tick
-        self._in_use = self._before = self._level  # the level of the lookups' values, and the level before it
+        self._in_use = self.before = self._level  # the level of the lookups' values, and the level before it
         self._next: SiteLevel | None = None  # the unfinished finer level
         self._relit = False  # True while the full level has values of other lights or materials
         self._no_sites, self._view_pass, self._viewed = no_sites(world.ctx), SurfaceViewPass(world.ctx), Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        levels = dict.fromkeys((self._level, self._coarse, self._before, self._in_use, self._next))
+        levels = dict.fromkeys((self._level, self._coarse, self.before, self._in_use, self._next))
         return (self._no_sites, self._view_pass, *levels)
 
     # ---- its values ------------------------------------------------------------------------------------------------
@@ -59,11 +59,6 @@ class SurfaceCache(Owner):
     def sites(self) -> SurfaceSites | None:
         """The sites of the values that lookups read; None before the first values exist."""
         return self._in_use.shown
-
-    @property
-    def before(self) -> SurfaceSites | None:
-        """The sites of the level before that in use."""
-        return self._before.shown
 
     @property
     def refinements(self) -> int:
@@ -161,8 +156,8 @@ class SurfaceCache(Owner):
 
     def _drop_finer(self) -> None:
         """Return to the values from before all refinements."""
-        finer = {level for level in (self._before, self._in_use, self._next) if level is not None and level.detail.level > 0}
-        self._before, self._next = self._level, None
+        finer = {level for level in (self.before, self._in_use, self._next) if level is not None and level.detail.level > 0}
+        self.before, self._next = self._level, None
         if self._in_use in finer:
             self._in_use = self._level
         for level in finer:
@@ -204,7 +199,7 @@ class SurfaceCache(Owner):
         with self.timers("surface"):
             if not self._next.make(shadows, budget):
                 return False
-        if self._before is not self._level:
-            self._before.release()
-        self._before, self._in_use, self._next = self._in_use, self._next, None
+        if self.before is not self._level:
+            self.before.release()
+        self.before, self._in_use, self._next = self._in_use, self._next, None
         return True

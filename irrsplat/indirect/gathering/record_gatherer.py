@@ -274,7 +274,7 @@ class RecordGatherer(Owner):
         surface, side = self.surface_now, max(self.settings.gather_size // 2, SIDE)
         assert surface is not None
         gather, changes = self.gathers.gather(self.basis, side), [np.zeros((0, 3))]
-        signed = ((surface.sites, 1.0), (surface.before, -1.0))
+        signed = ((surface.sites, 1.0), (surface.before.shown, -1.0))
         parts = [(gather, HitLight(shadows, surface.uniforms(table)), sign) for table, sign in signed]
         for some in gather.batches(len(numbers), budget, times=2):
             chosen, held = numbers[some], self.cache.records.read(*LINEAR)
