@@ -63,10 +63,6 @@ class Gathers(Owner):
         self.ctx, self.world = world.ctx, world
         self._made = self.own(Workshop())
 
-    def clear(self) -> None:
-        """Free all passes; the next use makes them again."""
-        self._made.clear()
-
     def gather(self, basis: Basis, side: int = 0) -> Gather:
         """Return the pass that gathers records along side² rays; 0: the settings' side.
 

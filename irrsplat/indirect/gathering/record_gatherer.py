@@ -173,7 +173,6 @@ class RecordGatherer(Owner):
             kept = self._follow_records(old, new, change, changed)
         except BaseException:
             cache.truncate(0)
-            self.gathers.clear()
             self._made.clear()
             self.basis = new
             raise
