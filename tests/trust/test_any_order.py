@@ -112,10 +112,15 @@ def look(name: str, run: Run, draw: Draw) -> Call:
                 assert "record cache was made" in str(error) or "there is no such file" in str(error)
 
         return load, {}
+
+    def renew() -> None:
+        renderer.forget(records=False)
+        renderer.scheduler.expire()
+
     others: dict[str, Callable[[], object]] = {
         "render": lambda: renderer.render(run.camera),
         "refine": lambda: renderer.refine(run.camera, 0.05, 0.01),
-        "renew": lambda: (renderer.forget(False), renderer.scheduler.expire()),
+        "renew": renew,
     }
     return others.get(name, lambda: renderer.forget(False, some)), {}
 

@@ -66,7 +66,7 @@ def read(path: Path) -> object:
 
         with OpenEXR.File(str(path)) as file:
             return {name: channel.pixels.shape for name, channel in file.channels().items()}
-    return cache_file._read(path)[0] if path.suffix == ".cache" else json.loads(path.read_text())
+    return cache_file.read_any(path) if path.suffix == ".cache" else json.loads(path.read_text())
 
 
 def check(place: Path, old: dict[str, bytes], parts: bool) -> Counter[str]:

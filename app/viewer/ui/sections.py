@@ -344,7 +344,7 @@ def _resolved(actions: Actions, d: Declaration) -> float:
     """Return the number that the word of a setting (such as auto) means now."""
     renderer = actions.session.chosen
     if d.name == "bounces":
-        return int(renderer.scheduler.gatherer.bounces(renderer.settings)["bounces"])
+        return int(str(renderer.scheduler.gatherer.bounces(renderer.settings)["bounces"]))
     return renderer.settings.threshold if d.name == "tolerance" else actions.session.auto_exposure.stops
 
 
