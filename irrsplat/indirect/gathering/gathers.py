@@ -1,4 +1,4 @@
-"""The inputs of a cache's records, and the passes that gather records by these inputs: gathers, probes, and the reduction."""
+"""Inputs of records, the passes that gather by them, and the difference that a change of few lights makes to records."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
+from irrsplat.indirect.gathering.change_probe import MAX_DRIFT
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
+from irrsplat.surface_cache.light_difference import LightDifference
 
 
 @dataclass(frozen=True)
@@ -103,3 +105,33 @@ class Gathers(Owner):
         numbers = records.append(sites) + np.arange(len(sites))
         gather_records(gather, self.reduction(gradients), light, records, numbers, settings.seed, timers)
         return records
+
+
+class RecordDifference(Owner):
+    """The difference that `light` makes to the present records of a `cache`, gathered as in `basis`.
+
+    held: the columns of the records before the change.
+    """
+
+    def __init__(self, light: LightDifference, basis: Basis, cache: RecordCache) -> None:
+        self._made = [(self.own(Gathers(part.world)), replace(basis, scene=part.world.scene)) for part in light.parts]
+        self.light = self.own(light)
+        self.held, self._evicted = cache.records.read(*LINEAR), cache.evicted
+
+    def left(self, cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
+        """Return the records among these stale `numbers` that lack the difference, in their order.
+
+        A record that stays stale with the difference has a drift above MAX_DRIFT.
+        """
+        if cache.evicted != self._evicted:  # numbers have changed
+            return numbers[:0]
+        there = numbers[numbers < len(self.held["irradiance"])]
+        left: np.ndarray = there[cache.column("drift")[there] <= MAX_DRIFT]
+        return left
+
+    def gathers(self, side: int) -> list[tuple[Gather, HitLight, float]]:
+        """Return the gather, the light and the sign of each part; side: of the gathers."""
+        return [
+            (gathers.gather(basis, side), part.light, part.sign)
+            for (gathers, basis), part in zip(self._made, self.light.parts, strict=True)
+        ]

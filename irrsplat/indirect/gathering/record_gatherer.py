@@ -18,8 +18,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, apply_probes, columns_of, scale_by_surface
-from irrsplat.indirect.gathering.gathers import Basis, Gathers
-from irrsplat.indirect.gathering.record_difference import RecordDifference
+from irrsplat.indirect.gathering.gathers import Basis, Gathers, RecordDifference
 from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Light
