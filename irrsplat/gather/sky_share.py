@@ -13,15 +13,13 @@ from irrsplat.core.buffers import Atlas, Uniforms
 from irrsplat.gather.stratified import closer_rays, reach
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner
-from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.target import Region, Target, table_texture
 from irrsplat.gpu.world import World
 
 _RAYS = 8  # of a stratum
 _NEAR = 2  # elevations and azimuths to either side, at least, that count as neighbours of a stratum
 _ACROSS = 8  # rows and columns of strata, spread over a record's cell, that measure the openness of the place
 _OPEN = 0.125  # share of these: above it, a record's own rays estimate the sky well enough
-
-Areas = tuple[tuple[int, int, int, int], ...]  # rectangles of an atlas: first texel, width and height
 
 
 class SkyShares(Owner):
@@ -44,7 +42,7 @@ class SkyShares(Owner):
             defines = {**world.material_defines, "RAYS": _RAYS, "NEAR": _NEAR}
             self._program = self.own(Program(world.ctx, "gather/sky_share", "lib/fullscreen", defines))
 
-    def __call__(self, rows: np.ndarray, hits: np.ndarray | None, areas: Areas) -> moderngl.Texture | None:
+    def __call__(self, rows: np.ndarray, hits: np.ndarray | None, areas: tuple[Region, ...]) -> moderngl.Texture | None:
         """Return the texture of shares, Atlas.sky_share, for an atlas that is used in these `areas`; None for a black sky.
 
         rows: (5, N, 4) of Atlas.frames. hits: (N, R) the triangles hit by Embree's rays, -1: none; None without Embree.

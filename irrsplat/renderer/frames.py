@@ -240,8 +240,8 @@ class Frames(Owner):
     def _picture_may_wait(self, camera: Camera) -> bool:
         """True if the last picture can stay for another frame: only new records differ, and drawing takes time from gathering."""
         state, shown = self.state, self.state.shown
-        same = shown is not None and shown.subject == (camera, *state.view_subject, state.settings)
-        if shown is None or not same or self.stages.picture is not shown.view:
+        subject = camera, *state.view_subject, state.settings
+        if shown is None or shown.subject != subject or self.stages.picture is not shown.view:
             return False
         splat, picture = state.splat_seconds, state.picture_seconds
         least = splat + picture if len(self.cache.stale) else 0.0  # gathering gets half of the time

@@ -25,8 +25,6 @@ from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera, Part, part_of
 from irrsplat.settings import Settings
 
-Size = tuple[int, int]
-
 
 class TileScreens:
     """The examination of views that are drawn in tiles. A tile that no new record reaches is not examined again."""
@@ -155,7 +153,7 @@ def _splatted(stages: Stages, here: State, camera: Camera, stride: int = 1) -> t
     return gbuffer, stages.splats(here).update(stages.scheduler.cache, gbuffer, camera, here.settings, stride, noted=False)
 
 
-def _grid(size: Collection[int], step: Size) -> Iterator[tuple[int, int]]:
+def _grid(size: Collection[int], step: tuple[int, int]) -> Iterator[tuple[int, int]]:
     """Yield the corners of squares of `step` that cover `size` (width, height), row by row."""
     width, height = size
     return ((x, y) for y in range(0, height, step[1]) for x in range(0, width, step[0]))

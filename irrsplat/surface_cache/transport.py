@@ -101,8 +101,7 @@ def _decay(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray
     """
     before = np.where(last > 0.0, before, 0.0)
     # no BLAS: it shares so little out to all processors, and waits a thousand times as long where others keep these busy
-    terms = [(before**power, last**power) for power in (1, 2)]
-    means, squares = ([np.einsum("s,sc->c", area, term.astype(float)) for term in pair] for pair in terms)
+    means, squares = ([np.einsum("s,sc->c", area, (term**power).astype(float)) for term in (before, last)] for power in (1, 2))
     ratios = [after / np.maximum(one, 1e-300) for one, after in (means, squares)]
     decay: np.ndarray = np.maximum(ratios[0], np.sqrt(ratios[1]))
     return decay

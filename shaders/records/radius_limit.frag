@@ -16,7 +16,7 @@ uniform ivec2 span;         // records of this strip: the first one, and the one
 
 layout(location = 0) out float out_limit;
 
-// COMPARED_WITHIN, from radius_limit_pass.py, is the greatest distance of compared records, in radii a·R. It is more than 1,
+// COMPARED_WITHIN, from adaptive_radius.py, is the greatest distance of compared records, in radii a·R. It is more than 1,
 // because only one of two records may cover a point between them.
 const float COMPARABLE_COSINE = 0.7;  // least cosine between the normals of compared records
 const float NOISE_ERRORS = 2.0;  // standard errors of noise that do not count: the greatest of many differences would be noise

@@ -35,7 +35,7 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.lighting.virtual_lights import VirtualLightPasses
-from irrsplat.records.radius_limit_pass import RadiusLimitPass
+from irrsplat.records.adaptive_radius import RadiusLimitPass
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.view import SurfaceViewPass

@@ -13,9 +13,8 @@ import irrsplat
 from irrsplat.core.buffers import Records
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.timers import Timers
-from irrsplat.records import radius_limit_pass
-from irrsplat.records.adaptive_radius import AdaptiveRadius
-from irrsplat.records.radius_limit_pass import RadiusLimitPass, _strips
+from irrsplat.records import adaptive_radius
+from irrsplat.records.adaptive_radius import AdaptiveRadius, RadiusLimitPass, _strips
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from tests.renderer.test_renderer import FAST, SIZE, room
@@ -136,7 +135,7 @@ def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str, monke
     assert np.isclose(found[:1300], expected, rtol=1e-3).mean() > 0.99
     for parts in ((1,), (3, 1024, 1025)) if name == "default" else ():  # numbers of records after each part
         assert np.array_equal(made.limits(settings, *parts), found), f"in parts {parts} as at once"
-    monkeypatch.setattr(radius_limit_pass, "_WIDTH", 1.0)
+    monkeypatch.setattr(adaptive_radius, "_WIDTH", 1.0)
     assert np.array_equal(made.limits(settings), found), "in narrow strips as in wide ones"
 
 
