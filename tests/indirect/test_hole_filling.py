@@ -171,7 +171,7 @@ def test_the_black_outside_of_a_lit_box_stays_black_while_it_comes_into_view(ctx
             frame = view.read()
             wall = (np.abs(frame.position[..., 0]) < 1e-4) & (frame.normal[..., 0] < 0.0) & np.isfinite(frame.depth)
             outside += frame.irradiance[wall].max(axis=1).tolist()
-            stops.append(renderer.automatic_stops(view))
+            stops.append(renderer.stops(view))
     lit = np.array(outside) > 1e-3  # W/m²; about 1 W/m² inside
     assert len(lit) > 3000 and lit.mean() < 0.002
     assert max(stops) - min(stops) < 0.1
