@@ -17,7 +17,7 @@ layout(location = 1) out vec2 out_near;   // Σ 1/R and effective number of prob
 const float WITHIN = 0.3;      // of R: distance at which the weight is 1/e
 const float RISE = 0.25;       // of the distance: height above a tangent plane at which the weight is 1/e
 const float LEAST_RISE = 0.3;  // widths of a cell: least such height
-const float OTHER = 1e-6;      // weight of other surfaces for cells with less than this on their own
+const float OTHER = 1e-6;      // least weight, and that of other surfaces for cells with less light on their own
 const float ENOUGH = 4.0;      // samples of a cell, beyond which the weight of other cells falls
 
 void main()
@@ -48,7 +48,8 @@ void main()
         facing *= facing * facing;
         facing *= facing;
         float kernel = off.x == 0 || off.y == 0 ? 0.5 : 0.25;  // relative to the cell's own weight
-        float weight = others * kernel * facing * facing * exp(-rise * rise - apart * apart);
+        float similarity = facing * facing * exp(-rise * rise - apart * apart);
+        float weight = similarity < OTHER ? 0.0 : others * kernel * similarity;
         out_light += weight * E;
         out_near += weight * other;
         other_light += OTHER * kernel * E;
