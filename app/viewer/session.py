@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Unpack, cast
+from typing import NamedTuple, Unpack, cast
 
 import moderngl
 import numpy as np
@@ -31,6 +31,16 @@ _FEW = 8  # samples per pixel: with fewer, edges are smoothed by their shape
 _MOVING = 0.6  # share of a tick's time while the camera moves: input at a tick's begin shows after the next tick
 
 
+class _Tick(NamedTuple):
+    """The results of a tick, by side: views to show, and their progress. centres: the views with one sample a pixel. subject: the
+    inputs of the views, see Session._subject."""
+
+    centres: tuple[View, ...] = ()
+    views: tuple[View, ...] = ()
+    progress: tuple[Progress, ...] = ()
+    subject: tuple[object, object] | None = None
+
+
 class Session(Owner):
     """One scene on show in a context of the caller's. size: pixels. values: settings on top of the preset. camera: world space.
 
@@ -53,10 +63,7 @@ class Session(Owner):
         self.options, self.tracing, self.plane = ViewOptions(), Reference(ctx), MeasuringPlane()
         self.renderers: list[Renderer] = []  # of the left side, and of the right side too if there is no second one
         self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
-        self.views: list[View] = []  # by side, the views to show
-        self.progress: list[Progress] = []  # by side
-        self._centres: list[View] = []  # by side, the views with one sample a pixel
-        self._shown: tuple[object, object] | None = None  # the inputs of the views, see _subject
+        self._last = _Tick()
         self._begin(scene, [(preset, values or {})])
         if camera is not None:
             self.free_camera.camera = camera.shifted(np.negative(self.origin))
@@ -65,6 +72,16 @@ class Session(Owner):
         return (*self.renderers, self.tracing, self.plane)
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """The views to show, by side."""
+        return self._last.views
+
+    @property
+    def progress(self) -> tuple[Progress, ...]:
+        """The progress of the views, by side."""
+        return self._last.progress
 
     @property
     def active(self) -> list[Renderer]:
@@ -111,7 +128,7 @@ class Session(Owner):
         """
         self.path_recorder.tick(dt, self.camera)
         subject = self._subject
-        kept = bool(self.views) and self._shown is not None and subject[0] == self._shown[0]
+        kept = self._last.subject is not None and subject[0] == self._last.subject[0]
         sizes = zip(self.views, self.active, strict=False)  # the next view of a moving camera may differ in size
         kept = kept and (self.whole or not self.moving or all(v.image.size == r.size_in_motion for v, r in sizes))
         try:
@@ -119,11 +136,11 @@ class Session(Owner):
                 made = [self._advance(side, seconds / len(self.active), gather) for side in range(len(self.active))]
         except InputWaits:
             return False
-        self._centres, self.views, self.progress = (list(results) for results in zip(*made, strict=True))
-        self._shown = subject
-        self.auto_exposure.tick(self.renderers[0], self._centres[0], dt, not self.progress[0].done)
+        centres, views, progress = zip(*made, strict=True)
+        self._last = _Tick(centres, views, progress, subject)
+        self.auto_exposure.tick(self.renderers[0], centres[0], dt, not progress[0].done)
         if self.options.buffer == "light":
-            self.brightest = brightest_light(self.renderers[0], self.views[0])
+            self.brightest = brightest_light(self.renderers[0], views[0])
         return True
 
     def _advance(self, side: int, seconds: float, gather: bool) -> tuple[View, View, Progress]:
@@ -136,11 +153,11 @@ class Session(Owner):
         refined, samples = self._refined(renderer, progress), renderer.settings.viewer_samples
         if progress.error is not None and not refined:
             samples = min(_FEW, samples)  # between the steps of a refinement
-        if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has changed
+        if self._at_rest(progress) and any(view is one for one in self._last.centres):  # nothing has changed
             view = renderer.accumulate(view, samples, end - now())
             if view.samples >= samples and not refined:
                 _, progress = renderer.refine(self.camera, 0.01 * renderer.settings.viewer_quality, end - now())
-        last = self.views[side] if side < len(self.views) and self._subject == self._shown else view
+        last = self.views[side] if side < len(self.views) and self._subject == self._last.subject else view
         if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < min(last.samples, samples):
             view = last  # until the refined view has enough samples
         return centre, view, progress
@@ -154,7 +171,7 @@ class Session(Owner):
     def shows_now(self, any_camera: bool) -> bool:
         """Return True if the views show the present scene, settings and camera. any_camera: True if the camera may differ."""
         aimed = any_camera or all(view.camera == self.camera for view in self.views)
-        return bool(self.views) and aimed and self._subject == self._shown
+        return bool(self.views) and aimed and self._subject == self._last.subject
 
     # ---- sides -----------------------------------------------------------------------------------------------------
 
@@ -228,7 +245,7 @@ class Session(Owner):
         for renderer in self.renderers:
             renderer.resize(size)
         self.size = size
-        self.views, self.progress, self._centres = [], [], []
+        self._last = _Tick()
 
     def open(self, scene: Scene) -> None:
         """Show another scene with the present settings, from its own first camera."""
@@ -252,7 +269,7 @@ class Session(Owner):
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
         self.auto_exposure, self.plane.height = AutoExposure(), usual_height(scene)
-        self.views, self.progress, self._centres = [], [], []
+        self._last = _Tick()
 
 
 def overrides(name: str, settings: Settings) -> SettingValues:
