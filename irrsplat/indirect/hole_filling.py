@@ -73,7 +73,13 @@ class HoleFilling(Owner):
         return self._target("cells", (4, 4, 4, 4, 2))
 
     def _draw_samples(
-        self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, probes: HoleProbes | None, surface: Uniforms
+        self,
+        gbuffer: GBuffer,
+        splats: SplatBuffer,
+        camera: Camera,
+        probes: HoleProbes | None,
+        surface: Uniforms,
+        coarse: bool,
     ) -> None:
         """Draw the cells with the samples of records, and add the probes that they lack."""
 
@@ -83,6 +89,7 @@ class HoleFilling(Owner):
                 **gbuffer.surface_uniforms,
                 **gbuffer.material_uniforms,
                 sums=splats.sums,
+                coarse=coarse,
                 side=self.side,
                 pixel_stride=splats.pixel_stride,
                 **surface,
@@ -91,7 +98,7 @@ class HoleFilling(Owner):
 
         # without probes, the cells are drawn for one picture alone
         drawn = self._memo.get(
-            "cells", object() if probes is None else (gbuffer, splats, probes.cache.revision, probes.light), draw
+            "cells", object() if probes is None else (gbuffer, splats, probes.cache.revision, probes.light, coarse), draw
         )
         (width, height), (position, normal, rest, *_) = self.size, self._cells.textures
         if probes is not None and probes.cache.count > drawn[0]:
@@ -112,12 +119,14 @@ class HoleFilling(Owner):
             )
             drawn[0] = probes.cache.count
 
-    def sites(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, probes: HoleProbes, surface: Uniforms) -> Sites:
+    def sites(
+        self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, probes: HoleProbes, surface: Uniforms, coarse: bool = False
+    ) -> Sites:
         """Return the sites of cells that have a hole and no probe, from sparse to dense.
 
-        surface: the uniforms of the surface cache; empty without values.
+        surface: the uniforms of the surface cache; empty without values. coarse: True while coarse light lights the records.
         """
-        self._draw_samples(gbuffer, splats, camera, probes, surface)
+        self._draw_samples(gbuffer, splats, camera, probes, surface, coarse)
         position, normal, rest, light = (self._cells.read(i)[::-1] for i in range(4))
         rows, columns = np.nonzero((rest[..., 2] > 0.0) & (light[..., 3] < 1.0))
         at = np.argsort(_order()[rows % _SPARSE, columns % _SPARSE], kind="stable")
@@ -126,13 +135,20 @@ class HoleFilling(Owner):
         return Sites(position[chosen][:, :3], normal[chosen][:, :3], geometric, rest[chosen][:, 1].astype(np.intp))
 
     def __call__(
-        self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, probes: HoleProbes | None, surface: Uniforms
+        self,
+        gbuffer: GBuffer,
+        splats: SplatBuffer,
+        camera: Camera,
+        probes: HoleProbes | None,
+        surface: Uniforms,
+        coarse: bool = False,
     ) -> SplatBuffer:
         """Return the sums, with irradiance at pixels without a record. The texture belongs to this pass.
 
-        probes: None for the light of records and surface cache alone. surface: see `sites`.
+        probes: None for the light of records and surface cache alone. surface, coarse: see `sites`. Coarse light makes blotches
+        between records: pixels with records take half of their light from the filter.
         """
-        self._draw_samples(gbuffer, splats, camera, probes, surface)
+        self._draw_samples(gbuffer, splats, camera, probes, surface, coarse)
         position, normal, rest, *samples = self._cells.textures
         steps = _STEPS if surface else 1 << np.arange(max(self.grid).bit_length())
         for number, step in enumerate(steps):
@@ -149,11 +165,12 @@ class HoleFilling(Owner):
                 width=camera.pixel(self.size) * self.side,
             )
             samples = target.textures
-        target = self._marked(gbuffer, splats)
+        target = self._marked(gbuffer, splats, coarse)
         self.fill(
             target,
             state=DrawState(depth="<"),  # filled pixels are no holes any more
             **gbuffer.surface_uniforms,
+            sums=splats.sums,
             cell_position=position,
             cell_normal=normal,
             light=samples[0],
@@ -176,11 +193,18 @@ class HoleFilling(Owner):
         self.take_surface(target, state=_HOLES, **seen, pixel_stride=splats.pixel_stride, **surface)
         return replace(splats, sums=target.textures[0])
 
-    def _marked(self, gbuffer: GBuffer, splats: SplatBuffer) -> Target:
-        """Return the target of filled sums, with the records' sums. Its depth buffer marks holes."""
+    def _marked(self, gbuffer: GBuffer, splats: SplatBuffer, coarse: bool = False) -> Target:
+        """Return the target of filled sums, with the records' sums. Its depth buffer marks holes; if `coarse`, all surfaces."""
         size, stride = splats.sums.size, splats.pixel_stride
         target = self._targets.get(f"filled {stride}", size, lambda: Target(self.ctx, size, (4,), depth=True))
-        self.mark(target, state=DrawState(depth="1"), position=gbuffer.position, sums=splats.sums, pixel_stride=stride)
+        self.mark(
+            target,
+            state=DrawState(depth="1"),
+            position=gbuffer.position,
+            sums=splats.sums,
+            coarse=coarse,
+            pixel_stride=stride,
+        )
         return target
 
 

@@ -212,7 +212,7 @@ class Frames(Owner):
         assert gbuffer is not None and splats is not None  # ticks draw whole views alone
         if (holes := view.holes) is None:
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
-                holes = filling.sites(gbuffer, splats, camera, probes, gatherer.surface_uniforms)
+                holes = filling.sites(gbuffer, splats, camera, probes, gatherer.surface_uniforms, gatherer.provisional)
         holes = holes[gatherer.probe_holes(shadows, probes.cache, holes[:least], Budget(None)) :]
         return replace(view, holes=holes[gatherer.probe_holes(shadows, probes.cache, holes, budget) :])
 

@@ -143,12 +143,13 @@ class Stages(Owner):
         """
         settings, gbuffer, splats = state.settings, done.gbuffer, done.splats
         assert gbuffer is not None and splats is not None
-        filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         gatherer = self.scheduler.gatherer
+        coarse = accumulating and gatherer.provisional and gatherer.may_probe_holes
+        filling = settings.fill_holes and (coarse or done.progress.coverage < 1.0) and settings.most_bounces > 0
         held = gatherer.surface_result if filling and not done.frozen else None
         lit_by = done.shadows, None if moving else self._casting(state, hurried)
         backdrop = backdrop_of(state.scene, settings, sky_maps(self.world))
-        probed = filling and accumulating and done.progress.coverage < COVERED
+        probed = filling and accumulating and (coarse or done.progress.coverage < COVERED)
         probes = self.scheduler.hole_probes if probed else None
         probe_state = probes and (probes.light, probes.cache.revision, probes.cache.count)
         subject = gbuffer, lit_by, splats, settings.blend, filling, held, probe_state, backdrop
@@ -166,7 +167,7 @@ class Stages(Owner):
                     if lookup and not accumulating:
                         shown = fill.by_surface(gbuffer, splats, lookup)
                     else:
-                        shown = fill(gbuffer, splats, done.camera, probes, lookup)
+                        shown = fill(gbuffer, splats, done.camera, probes, lookup, coarse)
             if accumulating:
                 light, other = (done.shadows, held, gatherer.basis), gatherer.provisional or gatherer.basis.moved
                 with self.timers("composite"):

@@ -177,6 +177,26 @@ def test_the_black_outside_of_a_lit_box_stays_black_while_it_comes_into_view(ctx
     assert max(stops) - min(stops) < 0.1
 
 
+def test_blotches_of_records_by_coarse_light_are_filtered(ctx: moderngl.Context) -> None:
+    """The records' light differs by a fifth from cell to cell. A pixel takes half of its light from the filter, which is smooth.
+
+    No light crosses the edge of the board, and records by the full surface cache stay as they are.
+    """
+    view = seen(ctx, 0.0)
+    with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
+        sites, shape = filling.sites(view.gbuffer, view.empty, view.camera, probes, {}), filling.grid[::-1]
+        probes.cache.append(sites, probed(sites))
+        blotches = np.random.default_rng(1).choice([-0.2, 0.2], shape).repeat(filling.side, 0).repeat(filling.side, 1)
+        E = view.irradiance * (1.0 + blotches[: SIZE[1], : SIZE[0]])
+        sums = table_texture(ctx, np.stack([E, E, E, np.ones_like(E)], axis=-1)[::-1])
+        records, off = SplatBuffer(sums, sums), []
+        for coarse in (False, True):
+            found = pixels(filling(view.gbuffer, records, view.camera, probes, {}, coarse).sums)
+            off.append(found[..., 0] / found[..., 3] / view.irradiance - 1.0)
+        assert np.abs(off[0]).max() == pytest.approx(0.2, abs=1e-4)
+        assert off[1].std() < 0.7 * off[0].std() and np.abs(off[1]).max() < 0.2 + LEAK
+
+
 def test_probes_hold_while_the_light_does_and_the_oldest_go(ctx: moderngl.Context) -> None:
     """Another light voids all probes; a flight keeps a bounded number of them."""
     place, up = np.zeros((20_000, 3), "f4"), np.tile(np.array([0.0, 1.0, 0.0], "f4"), (20_000, 1))

@@ -8,15 +8,18 @@
 
 uniform sampler2D sums;     // Σ k·E, Σ k of the records
 uniform int side;           // width of a cell in pixels, even
+uniform bool coarse;        // true while coarse light lights the records
 uniform int pixel_stride;   // pixels of the g-buffer per pixel of the sums, in x and y
 
 layout(location = 0) out vec4 out_position;  // world space, metres; w: depth, 0 without a surface
 layout(location = 1) out vec4 out_normal;    // shading normal; w: octahedral x of the geometric normal
-layout(location = 2) out vec4 out_rest;      // octahedral y of the geometric normal, number of the triangle, 1 for a hole
+layout(location = 2) out vec4 out_rest;      // octahedral y of the geometric normal, number of the triangle; z: HOLE, COARSE or 0
 layout(location = 3) out vec4 out_light;     // Σ E and number of samples: the records' irradiance counts as AS_RECORD samples
 layout(location = 4) out vec2 out_near;      // Σ 1/R of probes in 1/m, and their number
 
-const float AS_RECORD = 16.0;
+const float HOLE = 1.0;        // states of cells: without a record,
+const float COARSE = 0.5;      // and with a record by coarse light
+const float AS_RECORD = 16.0;  // a record by coarse light counts as one sample, and is filtered, too
 const float AS_SURFACE = 0.1;  // samples as which the surface cache's irradiance counts: it shows where no probe is near
 
 void main()
@@ -27,10 +30,11 @@ void main()
     out_position = texel_at(position, pixel);
     out_normal = texel_at(normal, pixel);
     bool covered = s.a > COVERED;
-    out_rest = vec4(texel_at(albedo, pixel).w, texel_at(emission, pixel).w, covered || out_position.w == 0.0 ? 0.0 : 1.0, 0.0);
-    out_light = covered ? AS_RECORD * vec4(s.rgb / s.a, 1.0) : vec4(0.0);
+    float state = out_position.w == 0.0 ? 0.0 : covered ? (coarse ? COARSE : 0.0) : HOLE;
+    out_rest = vec4(texel_at(albedo, pixel).w, texel_at(emission, pixel).w, state, 0.0);
+    out_light = covered ? (coarse ? 1.0 : AS_RECORD) * vec4(s.rgb / s.a, 1.0) : vec4(0.0);
 #if SURFACE
-    if (out_rest.z > 0.0)
+    if (out_rest.z > 0.0 && !covered)
         out_light = AS_SURFACE * vec4(surface_irradiance_at(triangle_at(pixel), out_position.xyz, geometric_normal_at(pixel)).rgb, 1.0);
 #endif
     out_near = vec2(0.0);

@@ -1,10 +1,13 @@
 // Fills holes: pixels that mark.frag has marked take the filtered probes of the cells around them, on their surface (METHOD.md, 8.2).
-// Without such a cell, they remain for surface.frag, or else take the light of cells on other surfaces.
+// Without such a cell, they remain for surface.frag, or else take the light of cells on other surfaces. Marked pixels with records take
+// the mean of the records' and the cells' light.
+#include "generated/constants.glsl"
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
 uniform sampler2D position;       // g-buffer
 uniform sampler2D normal;
+uniform sampler2D sums;           // Σ k·E, Σ k of the records
 uniform sampler2D cell_position;  // of the cells: world space; w: depth, 0 without a surface
 uniform sampler2D cell_normal;
 uniform sampler2D light;          // of the cells: filtered Σ E and number of samples
@@ -32,7 +35,10 @@ void main()
         if (same_surface(p, n, q.xyz, m)) out_sums += share;
         else other += share;
     }
-    if (surface && out_sums.a == 0.0) discard;
-    out_sums = out_sums.a > 0.0 ? out_sums : other;
+    vec4 records = texel_at(sums, ivec2(gl_FragCoord.xy));
+    bool covered = records.a > COVERED;
+    if (surface && !covered && out_sums.a == 0.0) discard;
+    out_sums = out_sums.a > 0.0 || covered ? out_sums : other;
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);
+    if (covered) out_sums = (records / records.a + out_sums) / (1.0 + out_sums.a);
 }
