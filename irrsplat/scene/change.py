@@ -74,8 +74,8 @@ class SceneChange:
 
     @property
     def was_dark(self) -> bool:
-        """True if no light, sky or surface of `old` emits."""
-        return not (any(any(light.color) for light in self.old.lights) or emits(self.old).any())
+        """True if light may differ, and no light, sky or surface of `old` emits."""
+        return self.changes_light and not (any(any(light.color) for light in self.old.lights) or emits(self.old).any())
 
     @property
     def hides(self) -> bool:

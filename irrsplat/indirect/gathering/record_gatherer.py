@@ -186,7 +186,7 @@ class RecordGatherer(Owner):
         complete = not (len(self.cache.stale) or old.moved or old.from_file) and (surface is None or surface.may_add())
         rays = old.kind in ("trace", "embree") and old.settings.placement != "scan"
         same = complete and rays and old.settings == new.settings
-        return changed_lights(change) if same and change.relit and self.cache.count else None
+        return changed_lights(change) if same and change.relit and not change.was_dark and self.cache.count else None
 
     @property
     def difference(self) -> RecordDifference | None:
