@@ -16,7 +16,7 @@ from irrsplat.core.timing.clock import use_clock
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
-from irrsplat.scene.model import Light, Scene
+from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.scene.motion import repainted
 from tests.renderer.test_live import TICK, dimmed, ticks
 from tests.renderer.test_renderer import FAST, SIZE, room
@@ -133,6 +133,20 @@ def test_one_of_many_lights_changes_records_by_its_difference(ctx: moderngl.Cont
             found, truth = renderer.cache.records.read(*HELD), gathered_afresh(renderer)
             assert error(found, truth) < 0.005
             assert abs(found["irradiance"].mean() / truth["irradiance"].mean() - 1.0) < 0.002
+
+
+def test_the_difference_of_lights_behind_walls_leaves_records_black_and_complete(ctx: moderngl.Context) -> None:
+    """The difference is 0, and so are records and luminance floor. The share 0/0 is no number for a file."""
+    rooms = [box((x - 1, -1, -1), (x + 1, 1, 1), outward=False) for x in (0, 8)]
+    many = tuple(point_light((8.0 + 0.1 * x, 0.0, 0.0), 1.0) for x in range(8))
+    world = scene(*rooms, lights=many, camera=Camera((0.0, 0.0, 0.8), (0.0, 0.0, 0.0)))
+    with Renderer(world, SIZE, ctx=ctx, **{**TRACED, "bounces": 1}) as renderer:
+        renderer.render()
+        renderer.relight((dimmed(many[0], 0.5), *many[1:]))
+        assert renderer.scheduler.gatherer.difference is not None
+        with np.errstate(invalid="raise"):
+            assert ticks(renderer, 10.0)[-1].done
+        assert renderer.cache.count and not renderer.cache.column("drift").any() and not renderer.cache.values[:, :3].any()
 
 
 def test_after_other_lights_errors_are_those_of_a_fresh_render() -> None:

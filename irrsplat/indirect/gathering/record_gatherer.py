@@ -422,7 +422,7 @@ class RecordGatherer(Owner):
         for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
             chosen = numbers[some]
             E, unsigned = self._correct(chosen, difference.held, parts)
-            least, drift = np.maximum(E @ LUMINANCE, cache.luminance_floor), cache.column("drift")[chosen]
+            least, drift = np.maximum(E @ LUMINANCE, max(cache.luminance_floor, 1e-20)), cache.column("drift")[chosen]
             drift += MAX_DRIFT / _WHOLE * (unsigned @ LUMINANCE) / least
             complete = drift <= MAX_DRIFT
             cache.mark_refreshed(chosen[complete], cache.column("gather_size")[chosen[complete]])
