@@ -219,9 +219,12 @@ class Actions:
             then()
 
     def _unless_unsaved(self, act: Callable[[], object]) -> None:
-        """Write the flight that is recorded, and call `act`. If there are unsaved changes, open the prompt about them first."""
+        """Write the flight that is recorded, and call `act`. If there are unsaved changes, open the prompt about them first.
+
+        Without a file of the flight, `act` waits for the next call.
+        """
         if self.session.path_recorder.recording is not None:
-            self.attempt(self.record)
+            self.record()
         if self.editor.unsaved:
             self.prompt = prompts.unsaved(self, act)
         else:

@@ -249,7 +249,7 @@ class Viewer(Owner):
     def _closing(self) -> bool:
         """Return True if the window shall close. Its close button opens the prompt about unsaved changes first."""
         if self.wnd.is_closing and not self.actions.quitting:
-            self.actions.quit()
+            self.actions.attempt(self.actions.quit)
             self.wnd.is_closing = self.actions.quitting
             self.wake()  # to draw the prompt
         return bool(self.wnd.is_closing)

@@ -57,6 +57,12 @@ def record(driver: Driver, shown: str) -> None:
     assert path.frames == 1 + 30 * 1.4, "1.45 s are recorded, a key every 0.2 s"
     assert begin.eye[2] - path.camera(24).eye[2] == pytest.approx(0.8 * speed, abs=0.1 * speed), "where it was after 0.8 s"
     push(driver, "R")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("irrsplat.app.viewer.actions._stamped", lambda *_: "no folder/a.path")
+        push(driver, "Ctrl+Q")
+    assert not driver.wnd.is_closing and "no folder" in driver.said, "the error is shown, and the next Quit quits"
+    driver.actions.messages.close_errors()
+    push(driver, "R")
     driver.actions.quit()
     driver.actions.quitting = False
     assert len(list(Path().glob("flight-room-*.path"))) == 2 and driver.session.path_recorder.recording is None
