@@ -48,7 +48,7 @@ class AutoExposure:
         """Move for `dt` seconds towards the settings' exposure, or the automatic one of a view that may be `filling`."""
         if renderer.settings.exposure != "auto":
             self.stops = self._goal = float(renderer.settings.exposure)
-            self._view, self._lit = None, True
+            self._view, self._inputs, self._lit = None, None, True
             return
         inputs = view.camera, Identity(renderer.scene.meshes), replace(renderer.settings, blend=0.0)
         edited, before = (renderer.scene.lights, renderer.settings.blend), self._lit

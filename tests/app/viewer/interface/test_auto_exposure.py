@@ -26,6 +26,11 @@ def test_a_dark_scene_is_exposed_as_a_bright_one() -> None:
             session.tick(0.03, 0.03)
             filling += [session.auto_exposure.stops] * (not session.progress[0].done)
         assert len(filling) > 1 and max(filling) - min(filling) < 0.05
+        for exposure in (0.0, "auto"):  # the exposure that was set does not stay
+            session.change(0, exposure=cast(Any, exposure))
+            session.tick(0.03, 0.03)
+            while not session.at_rest:
+                session.tick(0.03, 0.03)
         stops = session.auto_exposure.stops
         assert stops == pytest.approx(session.renderers[0].stops(session.views[0]), abs=0.011)
         dimmed = [replace(light, color=cast(Any, tuple(0.1 * c for c in light.color))) for light in dark]
@@ -36,6 +41,7 @@ def test_a_dark_scene_is_exposed_as_a_bright_one() -> None:
             lambda: session.pose(replace(session.scene, lights=tuple(darker))),  # black also with 20 stops
         ):
             change()
+            session.tick(0.03, 0.03)
             while not session.at_rest:
                 session.tick(0.03, 0.03)
             assert session.auto_exposure.stops == pytest.approx(stops, abs=0.011), "it was within 0.01 of its goal"
@@ -45,6 +51,7 @@ def test_a_dark_scene_is_exposed_as_a_bright_one() -> None:
                 session.tick(0.0, 0.0)
             early = session.auto_exposure.stops
             change()
+            session.tick(0.03, 0.03)
             while not session.at_rest:
                 session.tick(0.03, 0.03)
             assert session.auto_exposure.stops == early
