@@ -1,5 +1,4 @@
-// Fills the holes of a picture without probes: pixels that mark.frag has marked take the irradiance of the surface cache (METHOD.md,
-// 8.2).
+// Fills holes: pixels that mark.frag has marked, and that fill.frag has left, take the irradiance of the surface cache (METHOD.md, 8.2).
 #include "lib/gbuffer.glsl"
 #include "surface_cache/lookup.glsl"
 
