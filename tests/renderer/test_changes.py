@@ -104,5 +104,6 @@ def test_an_interrupted_change_forgets_the_records(ctx: moderngl.Context, monkey
                 patch.setattr(RecordCache, name, interrupted)
             renderer.move(BOX, WAY)
         assert renderer.cache.count == 0 and renderer.scene is scene
+        assert renderer.scheduler.gatherer.atlas is None, "the gather with its textures may be gone"
         renderer.move(BOX, WAY)
         agrees(renderer)

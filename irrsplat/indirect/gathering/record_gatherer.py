@@ -166,6 +166,7 @@ class RecordGatherer(Owner):
             self.world.apply(change)
             self.gathers.gather(new)
         except BaseException:
+            self.atlas = None  # its gather may be gone
             self.world.apply(change.back)
             raise
         try:
@@ -173,7 +174,7 @@ class RecordGatherer(Owner):
         except BaseException:
             cache.truncate(0)
             self._made.clear()
-            self.basis = new
+            self.atlas, self.basis = None, new
             raise
         return kept
 
