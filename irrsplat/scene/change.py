@@ -46,8 +46,8 @@ class SceneChange:
 
     @property
     def changes_light(self) -> bool:
-        """True if all light may differ, because lights, the sky or materials do."""
-        return self.relit or self.other_sky or bool(self.repainted)
+        """True if all light may differ, because lights, the sky or materials do, or a mesh is shown in the dark."""
+        return self.relit or self.other_sky or bool(self.repainted) or self.was_dark
 
     @cached_property
     def dimming(self) -> np.ndarray | None:
@@ -74,8 +74,9 @@ class SceneChange:
 
     @property
     def was_dark(self) -> bool:
-        """True if light may differ, and no light, sky or surface of `old` emits."""
-        return self.changes_light and not (any(any(light.color) for light in self.old.lights) or emits(self.old).any())
+        """True if light may differ, and no light, sky or visible surface of `old` emits."""
+        lit = any(any(light.color) for light in self.old.lights) or emits(self.old).any()
+        return (self.relit or self.other_sky or bool(self.repainted) or self.hides) and not lit
 
     @property
     def hides(self) -> bool:
@@ -84,10 +85,10 @@ class SceneChange:
 
 
 def emits(scene: Scene) -> np.ndarray:
-    """Return (3,) bool: True if the sky or a surface emits red, green and blue."""
+    """Return (3,) bool: True if the sky or a visible surface emits red, green and blue."""
     if scene.environment is not None:
         return np.ones(3, bool)
-    sources = [scene.sky, scene.sky_gradient, *(mesh.material.emission for mesh in scene.meshes)]
+    sources = [scene.sky, scene.sky_gradient, *(mesh.material.emission for mesh in scene.meshes if not mesh.is_point)]
     return np.asarray(np.any(np.array(sources, float) != 0.0, axis=0))
 
 

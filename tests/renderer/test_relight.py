@@ -17,12 +17,12 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera, Light, Scene
-from irrsplat.scene.motion import repainted
+from irrsplat.scene.motion import hidden, repainted
 from tests.renderer.test_live import TICK, dimmed, ticks
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.counted_clock import RayClock
 from tests.support.skies import mapped
-from tests.support.worlds import box, floor, material, point_light, scene
+from tests.support.worlds import box, floor, material, point_light, quad, scene
 
 LIGHT, OTHER, THIRD = room().lights[0], point_light((-0.5, 0.2, 0.5), 5.0), point_light((0.6, -0.4, 0.5), 1.0)
 HELD = ("irradiance", "vectors", "gradient", "radius")
@@ -243,6 +243,20 @@ def test_the_third_picture_is_lit_everywhere_once_a_light_of_a_dark_scene_is_on_
         renderer.relight(lights)
         *_, found = (renderer.frame(seconds=0.05)[0].read().irradiance for _ in range(3))
     assert np.sqrt(np.mean((found - reference) ** 2)) < most * reference.mean(), "0.19, 0.25; 0.70 with black records"
+
+
+def test_the_fifth_picture_is_lit_everywhere_once_the_only_emitter_is_shown_again() -> None:
+    """A hidden emitter leaves a dark scene. To show it is a change of light, although a mesh moves."""
+    walls, things, _ = room().meshes
+    panel = quad((-0.4, 0.95, -0.4), (0.8, 0, 0), (0, 0, 0.8), material((0.5, 0.5, 0.5), (6.0, 6.0, 6.0)))
+    lit = scene(walls, things, panel, camera=room().camera())
+    with use_clock(RayClock(1e6)), Renderer(lit, (64, 48)) as renderer:
+        reference = renderer.render().irradiance
+        renderer.pose(replace(lit, meshes=(walls, things, hidden(panel, np.array((0.0, 0.95, 0.0))))))
+        assert not renderer.render().irradiance.any()
+        renderer.pose(lit)
+        *_, found = (renderer.frame(seconds=0.05)[0].read().irradiance for _ in range(5))
+    assert np.sqrt(np.mean((found - reference) ** 2)) < 0.1 * reference.mean(), "0.03; 0.72 with black records"
 
 
 def test_records_by_present_light_take_no_former_change_of_the_surface_cache() -> None:
