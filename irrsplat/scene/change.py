@@ -72,11 +72,11 @@ class SceneChange:
             return None
         return factor
 
-    @property
+    @cached_property
     def was_dark(self) -> bool:
         """True if light may differ, and no light, sky or visible surface of `old` emits."""
-        lit = any(any(light.color) for light in self.old.lights) or emits(self.old).any()
-        return (self.relit or self.other_sky or bool(self.repainted) or self.hides) and not lit
+        differs = self.relit or self.other_sky or bool(self.repainted) or self.hides
+        return differs and not (any(any(light.color) for light in self.old.lights) or emits(self.old).any())
 
     @property
     def hides(self) -> bool:
