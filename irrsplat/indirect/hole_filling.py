@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -48,6 +49,18 @@ class HoleProbes(Owner):
         return other or crowded
 
 
+class HoleLight(NamedTuple):
+    """The light of holes. probes: None for the light of records and surface cache alone. surface: the uniforms of the surface
+    cache; empty without values. coarse: True while coarse light lights the records.
+
+    Coarse light makes blotches between records: pixels with records take half of their light from the filter.
+    """
+
+    probes: HoleProbes | None
+    surface: Uniforms
+    coarse: bool = False
+
+
 class HoleFilling(Owner):
     """Passes that fill the holes of pictures of `size` (width, height). A cell is a square of pixels with one probe."""
 
@@ -72,16 +85,9 @@ class HoleFilling(Owner):
         """The surfaces of the cells, and their samples in the last two textures."""
         return self._target("cells", (4, 4, 4, 4, 2))
 
-    def _draw_samples(
-        self,
-        gbuffer: GBuffer,
-        splats: SplatBuffer,
-        camera: Camera,
-        probes: HoleProbes | None,
-        surface: Uniforms,
-        coarse: bool,
-    ) -> None:
+    def _draw_samples(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, light: HoleLight) -> None:
         """Draw the cells with the samples of records, and add the probes that they lack."""
+        probes, surface, coarse = light
 
         def draw() -> list[int]:
             self.draw_cells[bool(surface)](
@@ -119,37 +125,20 @@ class HoleFilling(Owner):
             )
             drawn[0] = probes.cache.count
 
-    def sites(
-        self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, probes: HoleProbes, surface: Uniforms, coarse: bool = False
-    ) -> Sites:
-        """Return the sites of cells that have a hole and no probe, from sparse to dense.
-
-        surface: the uniforms of the surface cache; empty without values. coarse: True while coarse light lights the records.
-        """
-        self._draw_samples(gbuffer, splats, camera, probes, surface, coarse)
-        position, normal, rest, light = (self._cells.read(i)[::-1] for i in range(4))
-        rows, columns = np.nonzero((rest[..., 2] > 0.0) & (light[..., 3] < 1.0))
+    def sites(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, light: HoleLight) -> Sites:
+        """Return the sites of cells that have a hole and no probe, from sparse to dense."""
+        self._draw_samples(gbuffer, splats, camera, light)
+        position, normal, rest, samples = (self._cells.read(i)[::-1] for i in range(4))
+        rows, columns = np.nonzero((rest[..., 2] > 0.0) & (samples[..., 3] < 1.0))
         at = np.argsort(_order()[rows % _SPARSE, columns % _SPARSE], kind="stable")
         chosen = rows[at], columns[at]
         geometric = octahedral_decode(normal[chosen][:, 3], rest[chosen][:, 0])
         return Sites(position[chosen][:, :3], normal[chosen][:, :3], geometric, rest[chosen][:, 1].astype(np.intp))
 
-    def __call__(
-        self,
-        gbuffer: GBuffer,
-        splats: SplatBuffer,
-        camera: Camera,
-        probes: HoleProbes | None,
-        surface: Uniforms,
-        coarse: bool = False,
-    ) -> SplatBuffer:
-        """Return the sums, with irradiance at pixels without a record. The texture belongs to this pass.
-
-        probes: None for the light of records and surface cache alone. surface, coarse: see `sites`. Coarse light makes blotches
-        between records: pixels with records take half of their light from the filter.
-        """
-        self._draw_samples(gbuffer, splats, camera, probes, surface, coarse)
-        position, normal, rest, *samples = self._cells.textures
+    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, light: HoleLight) -> SplatBuffer:
+        """Return the sums, with irradiance at pixels without a record. The texture belongs to this pass."""
+        self._draw_samples(gbuffer, splats, camera, light)
+        surface, (position, normal, rest, *samples) = light.surface, self._cells.textures
         steps = _STEPS if surface else 1 << np.arange(max(self.grid).bit_length())
         for number, step in enumerate(steps):
             target = self._target(f"step {number % 2}", (4, 2))
@@ -165,7 +154,7 @@ class HoleFilling(Owner):
                 width=camera.pixel(self.size) * self.side,
             )
             samples = target.textures
-        target = self._marked(gbuffer, splats, coarse)
+        target = self._marked(gbuffer, splats, light.coarse)
         self.fill(
             target,
             state=DrawState(depth="<"),  # filled pixels are no holes any more

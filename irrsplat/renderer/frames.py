@@ -22,7 +22,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
-from irrsplat.indirect.hole_filling import FIRST, HoleFilling
+from irrsplat.indirect.hole_filling import FIRST, HoleFilling, HoleLight
 from irrsplat.indirect.refinement import Refiner
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import first_stride
@@ -212,7 +212,8 @@ class Frames(Owner):
         assert gbuffer is not None and splats is not None  # ticks draw whole views alone
         if (holes := view.holes) is None:
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
-                holes = filling.sites(gbuffer, splats, camera, probes, gatherer.surface_uniforms, gatherer.provisional)
+                light = HoleLight(probes, gatherer.surface_uniforms, gatherer.provisional)
+                holes = filling.sites(gbuffer, splats, camera, light)
         holes = holes[gatherer.probe_holes(shadows, probes.cache, holes[:least], Budget(None)) :]
         return replace(view, holes=holes[gatherer.probe_holes(shadows, probes.cache, holes, budget) :])
 

@@ -24,7 +24,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Reader, View
-from irrsplat.indirect.hole_filling import HoleFilling
+from irrsplat.indirect.hole_filling import HoleFilling, HoleLight
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat import batches
 from irrsplat.indirect.splat_buffer import ViewSplats
@@ -167,7 +167,7 @@ class Stages(Owner):
                     if lookup and not accumulating:
                         shown = fill.by_surface(gbuffer, splats, lookup)
                     else:
-                        shown = fill(gbuffer, splats, done.camera, probes, lookup, coarse)
+                        shown = fill(gbuffer, splats, done.camera, HoleLight(probes, lookup, coarse))
             if accumulating:
                 light, other = (done.shadows, held, gatherer.basis), gatherer.provisional or gatherer.basis.moved
                 with self.timers("composite"):

@@ -12,7 +12,7 @@ import irrsplat
 from irrsplat import Renderer
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.gpu.target import pixels, table_texture
-from irrsplat.indirect.hole_filling import HoleFilling, HoleProbes
+from irrsplat.indirect.hole_filling import HoleFilling, HoleLight, HoleProbes
 from irrsplat.scene.model import Camera
 from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.worlds import gbuffer_of, on_plane
@@ -51,7 +51,7 @@ def probed(sites: Sites, noise: np.ndarray | float = 0.0) -> np.ndarray:
 
 def filled(filling: HoleFilling, view: Seen, probes: HoleProbes | None) -> np.ndarray:
     """Return (H, W) the filled irradiance of a view, W/m²; top row first."""
-    sums = pixels(filling(view.gbuffer, view.empty, view.camera, probes, {}).sums)
+    sums = pixels(filling(view.gbuffer, view.empty, view.camera, HoleLight(probes, {})).sums)
     return np.asarray(sums[..., 0] / sums[..., 3])
 
 
@@ -62,13 +62,13 @@ def test_light_stays_on_its_surface_and_serves_other_views(ctx: moderngl.Context
     """
     with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
         first, second = seen(ctx, 0.0), seen(ctx, 0.3)
-        sites = filling.sites(first.gbuffer, first.empty, first.camera, probes, {})
+        sites = filling.sites(first.gbuffer, first.empty, first.camera, HoleLight(probes, {}))
         assert len(sites) == filling.grid[0] * filling.grid[1], "every cell has a hole"
         some = sites[np.arange(len(sites) // 4)]  # the sparse ones are spread evenly
         probes.cache.append(some, probed(some))
         assert np.abs(filled(filling, first, probes) / first.irradiance - 1.0).max() < LEAK
         probes.cache.append(sites, probed(sites))
-        left = filling.sites(second.gbuffer, second.empty, second.camera, probes, {})
+        left = filling.sites(second.gbuffer, second.empty, second.camera, HoleLight(probes, {}))
         assert 0 < len(left) < 0.35 * len(sites)
         inner = (slice(4, -4), slice(4, -12))  # the camera went to the right, and sees new parts there
         assert np.abs(filled(filling, second, probes) / second.irradiance - 1.0)[inner].max() < LEAK
@@ -78,7 +78,7 @@ def test_the_filter_averages_noise_on_flat_surfaces(ctx: moderngl.Context) -> No
     """Three steps join more than 16 probes of a flat wall, which leaves at most a quarter of independent noise."""
     view, rng = seen(ctx, -3.0), np.random.default_rng(1)  # the wall alone
     with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
-        sites = filling.sites(view.gbuffer, view.empty, view.camera, probes, {})
+        sites = filling.sites(view.gbuffer, view.empty, view.camera, HoleLight(probes, {}))
         probes.cache.append(sites, probed(sites, 0.2 * rng.standard_normal(len(sites))))
         wall = view.irradiance == FAR
         found = filled(filling, view, probes)[wall]
@@ -98,7 +98,7 @@ def test_records_keep_their_pixels_and_light_the_holes_around_them(ctx: moderngl
     texture = table_texture(ctx, np.concatenate([2.0 * E, 2.0 * covered[..., None]], axis=-1)[::-1])
     view = Seen(view.camera, view.gbuffer, SplatBuffer(texture, texture), view.irradiance)
     with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
-        sums = pixels(filling(view.gbuffer, view.empty, view.camera, probes if with_probes else None, {}).sums)
+        sums = pixels(filling(view.gbuffer, view.empty, view.camera, HoleLight(probes if with_probes else None, {})).sums)
         assert (sums[covered] == pixels(texture)[covered]).all()
         lit, near = sums[..., 3] > 0.0, np.zeros_like(covered)
         near[17:31, 1:15] = near[17:31, 49:63] = True
@@ -112,9 +112,9 @@ def test_a_picture_without_the_surface_cache_forgets_its_light(ctx: moderngl.Con
     with Renderer(room(), SIZE, ctx=ctx, **FAST | {"bounces": 2}) as renderer, HoleFilling(ctx, SIZE) as filling:
         view, _ = renderer.frame(FRONT)
         nothing = table_texture(ctx, np.zeros((*SIZE[::-1], 4)))
-        seen = view.gbuffer, SplatBuffer(nothing, nothing), FRONT, None
-        assert pixels(filling(*seen, renderer.scheduler.gatherer.surface_uniforms).sums)[..., :3].any()
-        assert not pixels(filling(*seen, {}).sums).any()
+        seen = view.gbuffer, SplatBuffer(nothing, nothing), FRONT
+        assert pixels(filling(*seen, HoleLight(None, renderer.scheduler.gatherer.surface_uniforms)).sums)[..., :3].any()
+        assert not pixels(filling(*seen, HoleLight(None, {})).sums).any()
 
 
 def test_light_reaches_thin_objects_between_cells_before_the_sky(ctx: moderngl.Context) -> None:
@@ -126,9 +126,9 @@ def test_light_reaches_thin_objects_between_cells_before_the_sky(ctx: moderngl.C
     position[~shown] = 0.0
     view = replace(view, gbuffer=replace(view.gbuffer, position=table_texture(ctx, position[::-1])))
     with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
-        sites = filling.sites(view.gbuffer, view.empty, view.camera, probes, {})
+        sites = filling.sites(view.gbuffer, view.empty, view.camera, HoleLight(probes, {}))
         probes.cache.append(sites, probed(sites))
-        sums = pixels(filling(view.gbuffer, view.empty, view.camera, probes, {}).sums)[shown]
+        sums = pixels(filling(view.gbuffer, view.empty, view.camera, HoleLight(probes, {})).sums)[shown]
         assert len(sites) and np.allclose(sums, FAR, rtol=1e-4)
 
 
@@ -141,7 +141,7 @@ def test_objects_between_cells_have_the_light_of_the_surface_cache(ctx: moderngl
         position[:, 1::2] = 0.0
         gbuffer = replace(view.gbuffer, position=table_texture(ctx, position[::-1]))
         empty, surface = SplatBuffer(nothing, nothing), renderer.scheduler.gatherer.surface_uniforms
-        found = pixels(filling(gbuffer, empty, FRONT, None, surface).sums).copy()
+        found = pixels(filling(gbuffer, empty, FRONT, HoleLight(None, surface)).sums).copy()
         assert found[:, ::2, :3].any() and np.array_equal(found, pixels(filling.by_surface(gbuffer, empty, surface).sums))
 
 
@@ -155,7 +155,7 @@ def test_records_change_the_light_of_the_surface_cache_near_them_alone(ctx: mode
             texels = np.zeros((*SIZE[::-1], 4))
             texels[:, :4] = E
             sums = table_texture(ctx, texels)
-            found.append(pixels(filling(view.gbuffer, SplatBuffer(sums, sums), FRONT, None, surface).sums)[:, 32:])
+            found.append(pixels(filling(view.gbuffer, SplatBuffer(sums, sums), FRONT, HoleLight(None, surface)).sums)[:, 32:])
         assert found[0].any() and np.array_equal(found[0], found[1])
 
 
@@ -184,14 +184,14 @@ def test_blotches_of_records_by_coarse_light_are_filtered(ctx: moderngl.Context)
     """
     view = seen(ctx, 0.0)
     with HoleProbes(ctx) as probes, HoleFilling(ctx, SIZE) as filling:
-        sites, shape = filling.sites(view.gbuffer, view.empty, view.camera, probes, {}), filling.grid[::-1]
+        sites, shape = filling.sites(view.gbuffer, view.empty, view.camera, HoleLight(probes, {})), filling.grid[::-1]
         probes.cache.append(sites, probed(sites))
         blotches = np.random.default_rng(1).choice([-0.2, 0.2], shape).repeat(filling.side, 0).repeat(filling.side, 1)
         E = view.irradiance * (1.0 + blotches[: SIZE[1], : SIZE[0]])
         sums = table_texture(ctx, np.stack([E, E, E, np.ones_like(E)], axis=-1)[::-1])
         records, off = SplatBuffer(sums, sums), []
         for coarse in (False, True):
-            found = pixels(filling(view.gbuffer, records, view.camera, probes, {}, coarse).sums)
+            found = pixels(filling(view.gbuffer, records, view.camera, HoleLight(probes, {}, coarse)).sums)
             off.append(found[..., 0] / found[..., 3] / view.irradiance - 1.0)
         assert np.abs(off[0]).max() == pytest.approx(0.2, abs=1e-4)
         assert off[1].std() < 0.7 * off[0].std() and np.abs(off[1]).max() < 0.2 + LEAK

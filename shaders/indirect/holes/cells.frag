@@ -1,6 +1,7 @@
 // Cells of a view for the light of holes (METHOD.md, 8.2): the surface at one pixel of each square of pixels, and the irradiance
 // of records or of the surface cache there. A fragment is a cell.
 #include "generated/constants.glsl"
+#include "indirect/holes/states.glsl"
 #include "lib/gbuffer.glsl"
 #if SURFACE
 #include "surface_cache/lookup.glsl"
@@ -13,12 +14,10 @@ uniform int pixel_stride;   // pixels of the g-buffer per pixel of the sums, in 
 
 layout(location = 0) out vec4 out_position;  // world space, metres; w: depth, 0 without a surface
 layout(location = 1) out vec4 out_normal;    // shading normal; w: octahedral x of the geometric normal
-layout(location = 2) out vec4 out_rest;      // octahedral y of the geometric normal, number of the triangle; z: HOLE, COARSE or 0
+layout(location = 2) out vec4 out_rest;      // octahedral y of the geometric normal, number of the triangle; state
 layout(location = 3) out vec4 out_light;     // Σ E and number of samples: the records' irradiance counts as AS_RECORD samples
 layout(location = 4) out vec2 out_near;      // Σ 1/R of probes in 1/m, and their number
 
-const float HOLE = 1.0;        // states of cells: without a record,
-const float COARSE = 0.5;      // and with a record by coarse light
 const float AS_RECORD = 16.0;  // a record by coarse light counts as one sample, and is filtered, too
 const float AS_SURFACE = 0.1;  // samples as which the surface cache's irradiance counts: it shows where no probe is near
 

@@ -1,10 +1,11 @@
 // One step of the filter of probes (METHOD.md, 8.2): an edge-avoiding à-trous wavelet (Dammertz et al. 2010). Its weight falls with
 // the distance in R, as a record's weight does, and with the number of samples that a cell has already.
+#include "indirect/holes/states.glsl"
 #include "lib/texel.glsl"
 
 uniform sampler2D position;  // of the cells: world space; w: depth, 0 without a surface
 uniform sampler2D normal;    // of the cells
-uniform sampler2D rest;      // of the cells: z is 1 for a hole, 0.5 for a record by coarse light
+uniform sampler2D rest;      // of the cells: z is the state
 uniform sampler2D light;     // Σ E and number of samples
 uniform sampler2D near;      // Σ 1/R and number of probes
 uniform int step_size;       // distance of samples in cells
@@ -29,9 +30,9 @@ void main()
     float nearness = own.x / max(own.y, 1e-20);
     out_light = texel_at(light, cell);
     out_near = own;
-    float hole = texel_at(rest, cell).z;
+    float state = texel_at(rest, cell).z;
     // Without a probe, the distance of surfaces around a record is not known. The sky passes light on to thin objects between its cells.
-    bool covered = p.w > 0.0 && (hole == 0.0 || hole < 1.0 && own.y == 0.0);
+    bool covered = p.w > 0.0 && (state == 0.0 || state == COARSE && own.y == 0.0);
     if (covered || far && out_light.a > 0.0) return;
     float others = min(ENOUGH / max(out_light.a, 1e-20), 1.0);
     vec4 other_light = vec4(0.0);

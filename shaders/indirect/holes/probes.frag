@@ -4,7 +4,7 @@
 
 uniform sampler2D position;  // of the cells: world space; w: depth, 0 without a surface
 uniform sampler2D normal;    // of the cells
-uniform sampler2D rest;      // of the cells: z is 1 for a hole
+uniform sampler2D rest;      // of the cells: z is the state, see states.glsl
 uniform float width;         // of a cell at distance 1, metres
 
 flat in vec3 v_position;
