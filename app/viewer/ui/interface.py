@@ -139,7 +139,7 @@ class Interface:
             opened, kept = imgui.collapsing_header(title, True, imgui.TreeNodeFlags_.default_open)
         if opened:
             with imgui_ctx.push_id(title):
-                draw()
+                actions.attempt(draw)  # a typed number may be beyond the limits of a light or a material
         if opener == "mesh" and not kept:
             actions.editor.mesh = None
         elif not kept:

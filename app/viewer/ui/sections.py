@@ -106,7 +106,7 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
         imgui.set_item_tooltip("the angle between the axis and the edge of the light")
         light = replace(light, spot_cutoff=min(max(cone, _CONES[0]), _CONES[1])) if changed else light
     if light != before:
-        actions.attempt(lambda: actions.editor.set_light(number, light))
+        actions.editor.set_light(number, light)
 
 
 def draw_rings(actions: Actions, layout: Layout) -> None:
@@ -149,7 +149,7 @@ def draw_object(actions: Actions, layout: Layout) -> None:
     emission = edit_outputs(layout, emission, lambda emission: objects.surface_units(mesh, emission), least)
     material = replace(material, emission=edit_tint(layout, "emission colour", emission) if any(emission) else emission)
     if material != mesh.material:
-        actions.attempt(lambda: editor.set_mesh(number, replace(mesh, material=material)))
+        editor.set_mesh(number, replace(mesh, material=material))
 
 
 def draw_outliner(actions: Actions, layout: Layout) -> None:

@@ -199,6 +199,8 @@ def test_the_object_panel_sets_the_emission(driver: Driver, editor: Editor) -> N
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
     push(driver, "Ctrl+Z")
     assert driver.session.scene is editor.loaded and len(editor.future) == 1
+    driver.enter(driver.find("cd/m²"), "1e38")  # beyond the limit of a material
+    assert driver.session.scene is editor.loaded and "emission" in driver.actions.messages.errors[0].text
 
 
 def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor: Editor) -> None:
@@ -208,6 +210,8 @@ def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor:
     driver.frame(3)
     bright = np.array(driver.session.scene.lights[0].color)
     driver.enter(driver.find("kelvin"), "2700")
+    driver.enter(driver.find("candela"), "1e38")  # beyond the limit of a light
+    assert "color" in driver.actions.messages.errors[0].text
     light = driver.session.scene.lights[0]
     assert light.color[0] > light.color[2]
     assert LUMINANCE @ light.color == pytest.approx(LUMINANCE @ bright, rel=1e-4)
