@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
         raise IrrsplatError(
             "the viewer needs the package imgui-bundle, which has no wheel for Intel Macs; irrsplat render works without it"
         )
+    preferences.check_path(args.scene)
     scene = irrsplat.load(args.scene, **vars(args.loading))
     camera = rendering.camera(args, scene)
     remembered, notices = preferences.load()

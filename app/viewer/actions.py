@@ -20,7 +20,7 @@ from irrsplat.app.viewer.editing.objects import light_name, object_name, on_scre
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
-from irrsplat.app.viewer.preferences import Preferences
+from irrsplat.app.viewer.preferences import Preferences, check_path
 from irrsplat.app.viewer.session import Session, overrides
 from irrsplat.app.viewer.view_options import SECTIONS
 from irrsplat.app.viewer.window import trim
@@ -302,6 +302,7 @@ class Actions:
         self._unless_unsaved(lambda: self._open(source))
 
     def _open(self, source: str) -> None:
+        check_path(source)
         self.announce(f"opening {os.path.basename(source)}")
         scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene)

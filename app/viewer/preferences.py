@@ -7,9 +7,10 @@ import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from irrsplat.core.errors import IrrsplatError
+from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.core.paths import user_folder
+from irrsplat.core.words import quote
 from irrsplat.scene import bundled
 
 RECENT = 10  # the greatest number of recent scenes
@@ -32,6 +33,14 @@ class Preferences:
         """Put a scene (a path, or the name of a bundled scene) at the front of the recent scenes."""
         newest = source if source in bundled() and not os.path.isfile(source) else os.path.abspath(source)
         self.recent = [newest, *(other for other in self.recent if other != newest)][:RECENT]
+
+
+def check_path(source: str) -> None:
+    """Raise InputError for a scene whose path is not UTF-8: neither the window nor the library of its interface can show it."""
+    try:
+        (os.path.abspath(source) if os.path.exists(source) else source).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{quote(source)}: the viewer opens paths in UTF-8 only; rename the file or its folder") from None
 
 
 def folder() -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
 import warnings
 from collections import deque
@@ -75,12 +76,13 @@ class Desktop:
         """Set the calls for dropped files and the keyboard focus, and keep every event until `take`.
 
         An event during a frame therefore does not change the inputs of this frame. Each callback that glfw returns is wrapped.
-        For dropped files glfw returns an adapter with another signature (C's), so that `drop` is set directly.
+        glfw's own callback for dropped files raises an exception for a name that is not UTF-8, so that C's is set.
         """
         if self._window is None:
             return
-        drop = self._keeping("drop", lambda _, paths: dropped(list(paths)))
-        glfw.set_drop_callback(self._window, drop)  # glfw's stubs have C's signature
+        drop, library = self._keeping("drop", dropped), vars(glfw)  # its stubs lack the two names
+        self._drop = library["_GLFWdropfun"](lambda _, count, names: drop([os.fsdecode(names[i]) for i in range(count)]))
+        library["_glfw"].glfwSetDropCallback(self._window, self._drop)
         resized = self._wnd.glfw_window_resize_callback  # type: ignore[attr-defined]
 
         def resize(window: Any, *_: int) -> None:
