@@ -273,10 +273,18 @@ class Viewer(Owner):
                     self.desktop.wait(_SLEEP)
 
     def close(self) -> str | None:
-        """Save preferences and records, and free everything except the window. Return None, or the reason of a failure."""
+        """Save preferences, a flight in recording and records, and free everything except the window.
+
+        Return None, or the reason of a failure.
+        """
         choices = self.actions.preferences
         choices.size = choices.size if self.wnd.fullscreen else self.wnd.size
         problem = save(choices)
+        try:
+            if self.session.path_recorder.recording is not None:  # at a signal; quit writes it earlier
+                self.actions.record()
+        except (IrrsplatError, OSError) as error:
+            problem = str(error)
         problem = self._save_cache() or problem
         self.release()
         return problem

@@ -46,14 +46,18 @@ def test_what_changes_wakes_it(driver: Driver, clock: CountedClock) -> None:
         driver.up("W")
 
 
-def test_at_rest_it_waits_for_events_and_sigterm_keeps_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """SIGTERM during the wait after a frame without work ends the viewer, with cache and preferences saved."""
+def test_at_rest_it_waits_for_events_and_sigterm_keeps_cache_and_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SIGTERM during the wait after a frame without work ends the viewer, with cache, flight and preferences saved."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    end = viewer.Viewer.end
+    monkeypatch.setattr(viewer.Viewer, "end", lambda self: (self.actions.record(), end(self)))  # it begins the recording
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
     monkeypatch.setattr(Desktop, "wait", lambda desktop, seconds: signal.raise_signal(signal.SIGTERM))
     room, kept = write_room(tmp_path), tmp_path / "kept.cache"
     assert viewer.run(irrsplat.load(room), str(room), (64, 48), Preferences(), values=FAST, cache=str(kept)) is None
     assert kept.stat().st_size > 1000 and preferences.load()[0].size == (64, 48)
+    assert len(list(tmp_path.glob("flight-room-*.path"))) == 1
 
 
 def test_a_traced_truth_wakes_it(driver: Driver, clock: CountedClock, monkeypatch: pytest.MonkeyPatch) -> None:
