@@ -82,9 +82,13 @@ def draw_lights(actions: Actions, layout: Layout) -> None:
     editor = actions.editor
     if not editor.scene.lights:
         imgui.text_wrapped("no lights; emissive surfaces and a sky are not in this list")
-    for i, light in enumerate(editor.scene.lights):
+
+    def row(i: int) -> None:
+        light = editor.scene.lights[i]
         if layout.chosen(f"{objects.light_name(light, i)}  ({light.kind})", i == editor.light, i):
             editor.pick_light(i)
+
+    _draw_list(len(editor.scene.lights), row)
     if editor.light is not None:
         imgui.separator()
         _draw_light(actions, layout, editor.light)
@@ -127,7 +131,7 @@ def draw_rings(actions: Actions, layout: Layout) -> None:
 
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission of a surface with an emission texture
-_ROWS = 10  # rows of the list in sight; the user scrolls to further rows
+_ROWS = 10.5  # rows of a list in sight; half a row shows that there are more
 
 
 def draw_object(actions: Actions, layout: Layout) -> None:
@@ -155,18 +159,25 @@ def draw_object(actions: Actions, layout: Layout) -> None:
 def draw_outliner(actions: Actions, layout: Layout) -> None:
     """Draw the names of all meshes. A hidden mesh is grey."""
     editor = actions.editor
-    count = len(editor.scene.meshes)
-    height = (min(count, _ROWS) + 1) * imgui.get_text_line_height_with_spacing()
-    if imgui.begin_child("objects", (0.0, height)):
+
+    def row(i: int) -> None:
+        title = objects.object_name(editor.scene, i)
+        if editor.scene.meshes[i].is_point:
+            imgui.text_disabled(title)
+        elif layout.chosen(title, i == editor.mesh, i):
+            editor.mesh = i
+
+    _draw_list(len(editor.scene.meshes), row)
+
+
+def _draw_list(count: int, row: Callable[[int], object]) -> None:
+    """Draw the rows of a list in sight, in a part of the panel that scrolls on its own."""
+    if imgui.begin_child("list", (0.0, min(max(count, 1), _ROWS) * imgui.get_text_line_height_with_spacing())):
         clipper = imgui.ListClipper()
         clipper.begin(count)
         while clipper.step():
             for number in range(clipper.display_start, clipper.display_end):
-                title = objects.object_name(editor.scene, number)
-                if editor.scene.meshes[number].is_point:
-                    imgui.text_disabled(title)
-                elif layout.chosen(title, number == editor.mesh, number):
-                    editor.mesh = number
+                row(number)
     imgui.end_child()
 
 
