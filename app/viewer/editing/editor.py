@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from irrsplat.app.viewer.session import Session
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.scene.motion import hidden
 
@@ -35,6 +37,15 @@ class Editor:
     def unsaved(self) -> bool:
         """True if no file holds the present state of the scene."""
         return self.scene is not self.saved
+
+    def last_lit(self, colour: Callable[[Scene], Point]) -> Point:
+        """Return the last colour that was not black, in the present scene or in the steps of undo; black for none.
+
+        colour: a call that returns the colour of a light or an object in a scene with as many lights as now.
+        """
+        scenes = (self.scene, self.present, *reversed(self.past))
+        known = (colour(scene) for scene in scenes if len(scene.lights) == len(self.scene.lights))
+        return next(filter(any, known), (0.0, 0.0, 0.0))
 
     # ---- undo and redo ---------------------------------------------------------------------------------------------
 

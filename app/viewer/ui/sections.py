@@ -41,18 +41,24 @@ def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float,
     return changed, (red, green, blue)
 
 
-def edit_tint(layout: Layout, label: str, color: Point) -> Point:
-    """Draw the field of an emitted colour relative to its largest component; return the colour after it, as bright as before."""
-    changed, tint = edit_colour(layout.label(label), tint_of(color))
+def edit_tint(layout: Layout, label: str, color: Point, lit: Point) -> Point:
+    """Draw the field of an emitted colour relative to its largest component; return the colour after it, as bright as before.
+
+    lit: the colour to show for black.
+    """
+    changed, tint = edit_colour(layout.label(label), tint_of(color if any(color) else lit))
     return scaled(tint, max(color) or 1.0) if changed and max(tint) > 0.0 else color
 
 
-def edit_outputs(layout: Layout, color: Point, units: Callable[[Point], dict[str, float]], least: float = 0.0) -> Point:
+def edit_outputs(
+    layout: Layout, color: Point, lit: Point, units: Callable[[Point], dict[str, float]], least: float = 0.0
+) -> Point:
     """Draw a field for each output of an emitted colour, with the unit as its label; return the colour after them.
 
-    units: a call that returns the outputs of a colour by unit. least: the least scale of the colour.
+    lit: the colour that black becomes. units: a call that returns the outputs of a colour by unit. least: the least scale of the
+    colour.
     """
-    tint = tint_of(color)
+    tint = tint_of(color if any(color) else lit)
     full = units(tint)
     for unit, value in units(color).items():
         form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
@@ -99,9 +105,10 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
     before = light = actions.editor.scene.lights[number]
     if light.photometry is not None:
         imgui.text_disabled(Path(light.photometry.path).name)
-    color = edit_outputs(layout, light.color, lambda color: objects.light_units(replace(before, color=color)))
-    light = replace(light, color=edit_tint(layout, "colour", color))
-    kelvin = objects.kelvin_of(light.color)
+    lit = actions.editor.last_lit(lambda scene: scene.lights[number].color)
+    color = edit_outputs(layout, light.color, lit, lambda color: objects.light_units(replace(before, color=color)))
+    light = replace(light, color=edit_tint(layout, "colour", color, lit))
+    kelvin = objects.kelvin_of(light.color if any(light.color) else lit)
     changed, kelvin = imgui.slider_float(layout.label("kelvin"), kelvin, objects.COLDEST, objects.HOTTEST, "%.0f K")
     imgui.set_item_tooltip("the nearest black body; a drag sets its colour, as bright as before")
     light = objects.heated(light, round(min(max(kelvin, objects.COLDEST), objects.HOTTEST))) if changed else light
@@ -150,8 +157,9 @@ def draw_object(actions: Actions, layout: Layout) -> None:
     emission = material.emission
     textured = material.emission_texture is not None or material.filters
     least = _DARKEST if textured and any(emission) else 0.0  # at 0, a textured emitter would need another way of drawing
-    emission = edit_outputs(layout, emission, lambda emission: objects.surface_units(mesh, emission), least)
-    material = replace(material, emission=edit_tint(layout, "emission colour", emission) if any(emission) else emission)
+    lit = editor.last_lit(lambda scene: scene.meshes[number].material.emission)
+    emission = edit_outputs(layout, emission, lit, lambda emission: objects.surface_units(mesh, emission), least)
+    material = replace(material, emission=edit_tint(layout, "emission colour", emission, lit) if any(emission) else emission)
     if material != mesh.material:
         editor.set_mesh(number, replace(mesh, material=material))
 

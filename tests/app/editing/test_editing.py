@@ -204,7 +204,7 @@ def test_the_object_panel_sets_the_emission(driver: Driver, editor: Editor) -> N
 
 
 def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor: Editor) -> None:
-    """A colour temperature keeps the luminance. Without lights, the converged view is covered."""
+    """A colour temperature keeps the luminance, and a dimmed light its colour. Without lights, the converged view is covered."""
     driver.actions.toggle("lights")
     driver.resize((760, 900), density=0.125)
     driver.frame(3)
@@ -215,6 +215,10 @@ def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor:
     light = driver.session.scene.lights[0]
     assert light.color[0] > light.color[2]
     assert LUMINANCE @ light.color == pytest.approx(LUMINANCE @ bright, rel=1e-4)
+    for candela in ("0", "179"):
+        driver.enter(driver.find("candela"), candela)
+    dimmed = np.array(driver.session.scene.lights[0].color)
+    assert dimmed / dimmed.max() == pytest.approx(np.array(light.color) / max(light.color), rel=1e-4)
     driver.session.options.frozen = False
     push(driver, "Delete")
     assert not editor.scene.lights and editor.light is None
