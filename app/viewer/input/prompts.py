@@ -87,7 +87,7 @@ def file_name(name: str, take: Callable[[str], object]) -> Prompt:
 
     def entries(text: str) -> dict[str, Act]:
         path = scene_file(text)  # as it will be saved
-        return {f"{'replace' if path.exists() else 'save'} {path}": partial(take, text)} if text.strip() else {}
+        return {f"{'replace' if os.path.exists(path) else 'save'} {path}": partial(take, text)} if text.strip() else {}
 
     return Prompt("the name of the file", entries, name)
 

@@ -106,6 +106,7 @@ def test_a_scene_is_saved_under_the_name_of_a_prompt(driver: Driver, editor: Edi
     assert driver.actions.preferences.recent[0] == saved
     push(driver, "Ctrl+Shift+S")
     assert (prompt := driver.actions.prompt) and prompt.text == saved and [*prompt.entries(saved[:-6])] == [f"replace {saved}"]
+    assert prompt.entries("~") and prompt.entries("~nobody/a") and prompt.entries(300 * "a"), "names without a place"
     push(driver, "Esc")
 
 

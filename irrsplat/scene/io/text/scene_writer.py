@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -25,7 +26,7 @@ _NEAR, _FAR = 0.01, 1000.0  # metres, required by `proj` and ignored by readers
 
 def scene_file(name: str) -> Path:
     """Return the path of a scene that is saved under `name`, with or without its ending."""
-    return Path(name if name.endswith(".scene") else f"{name}.scene").expanduser().absolute()
+    return Path(os.path.expanduser(name if name.endswith(".scene") else f"{name}.scene")).absolute()
 
 
 def parts_folder(path: Path) -> Path:
