@@ -50,6 +50,7 @@ class Actions:
         self.dialog = prompts.DesktopDialog(native)
         self.prompt: prompts.Prompt | None = None  # the open question to the user
         self.saved_as = ""  # the .scene file that Save writes; "" before the first save
+        self._saved = list[int]()  # the result of _changes directly after the last save
         self.film = FilmInBackground()
         self.announce: Callable[[str], object] = lambda words: None  # shows words at once, before work that takes seconds
         preferences.opened(source)
@@ -199,8 +200,14 @@ class Actions:
             self.prompt = prompts.file_name(name, take)
 
     def save_again(self, then: Callable[[], object] | None = None) -> None:
-        """Save the scene in its last saved file; the first time, in a new file."""
-        if self.saved_as:
+        """Save the scene in its last saved file; the first time, in a new file.
+
+        Request the name again if another program has changed the files.
+        """
+        changed = self.saved_as and self._saved != _changes(Path(self.saved_as))
+        if changed:
+            self.say(f"{self.saved_as} has changed since it was saved; replace it, or save under another name")
+        if self.saved_as and not changed:
             self.save(self.saved_as, then)
         else:
             self.save_as(then)
@@ -210,7 +217,7 @@ class Actions:
         path = scene_file(name)
         lost = write_scene(self.session.scene.placed(self.session.origin), path)
         self.editor.saved = self.editor.scene
-        self.saved_as = str(path)
+        self.saved_as, self._saved = str(path), _changes(path)
         self.preferences.opened(str(path))
         self.say(f"{path} is written, with {parts_folder(path).name}")
         if lost:
@@ -313,6 +320,11 @@ class Actions:
             self.say(notice)
         self.source, self.saved_as = source, ""
         self.preferences.opened(source)
+
+
+def _changes(path: Path) -> list[int]:
+    """Return the times in nanoseconds of the last changes of a saved scene and its parts."""
+    return [file.stat().st_mtime_ns for file in (path, *sorted(parts_folder(path).glob("*"))) if file.exists()]
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:

@@ -104,6 +104,10 @@ def test_a_scene_is_saved_under_the_name_of_a_prompt(driver: Driver, editor: Edi
     assert driver.actions.prompt is None, "the second save replaces the first file without a prompt"
     assert irrsplat.load(saved).lights == bright and driver.actions.title == "room-2"
     assert driver.actions.preferences.recent[0] == saved
+    os.utime(saved, (0, 0))
+    push(driver, "Ctrl+S")
+    assert driver.actions.prompt and "has changed since" in driver.said, "another program has written the file"
+    push(driver, "Esc")
     push(driver, "Ctrl+Shift+S")
     assert (prompt := driver.actions.prompt) and prompt.text == saved and [*prompt.entries(saved[:-6])] == [f"replace {saved}"]
     assert prompt.entries("~") and prompt.entries("~nobody/a") and prompt.entries(300 * "a"), "names without a place"
