@@ -179,6 +179,8 @@ def _choose(prompt: Prompt, most: float) -> Act | None:
         entered, prompt.text = imgui.input_text("##text", before, imgui.InputTextFlags_.enter_returns_true)
         prompt.row = prompt.row if prompt.text == before else 0
     found = prompt.entries(prompt.text or "")
+    if entered and not found:
+        imgui.set_keyboard_focus_here(-1)  # Enter ends the input line, also without an entry
     step = sum(rows * imgui.is_key_pressed(key) for key, rows in _STEPS.items())
     prompt.row = min(max(prompt.row + step, 0), max(len(found) - 1, 0))
     chosen = list(found.values())[prompt.row] if entered and found else None

@@ -65,7 +65,7 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
 def test_the_palette_finds_actions_settings_and_scenes(
     driver: Driver, typed: str, found: Callable[[Driver], bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Enter runs the first match of the typed words; without a match the list shows a message."""
+    """Enter runs the first match of the typed words; without a match the list shows a message, and typing continues."""
     said = list[str]()
     monkeypatch.setattr(imgui, "text_disabled", said.append)
     driver.session.options.frozen = True
@@ -81,3 +81,7 @@ def test_the_palette_finds_actions_settings_and_scenes(
     driver.frame(3)
     driver.type("none of that")
     assert any(words.startswith("nothing has these words") for words in said)
+    driver.press("ENTER")
+    driver.frame(2)
+    driver.type("!")
+    assert driver.actions.prompt is not None and driver.actions.prompt.text == "none of that!"
