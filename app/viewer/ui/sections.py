@@ -111,7 +111,8 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
     kelvin = objects.kelvin_of(light.color if any(light.color) else lit)
     changed, kelvin = imgui.slider_float(layout.label("kelvin"), kelvin, objects.COLDEST, objects.HOTTEST, "%.0f K")
     imgui.set_item_tooltip("the nearest black body; a drag sets its colour, as bright as before")
-    light = objects.heated(light, round(min(max(kelvin, objects.COLDEST), objects.HOTTEST))) if changed else light
+    if changed and math.isfinite(kelvin):
+        light = objects.heated(light, round(min(max(kelvin, objects.COLDEST), objects.HOTTEST)))
     if light.has_cone:
         changed, cone = imgui.slider_float(layout.label("cone"), light.spot_cutoff, *_CONES, "%.3g°")
         imgui.set_item_tooltip("the angle between the axis and the edge of the light")
@@ -198,7 +199,8 @@ def draw_plane(actions: Actions, layout: Layout) -> None:
     plane = session.plane
     height = imgui.slider_float(layout.label("height"), plane.height, 0.0, scene_height(session.scene), "%.4g m")[1]
     imgui.set_item_tooltip("above the lowest point of the scene; Ctrl+click: type it")
-    plane.height = max(float(f"{height:.4g}"), 0.0)  # imgui's values are float32
+    if math.isfinite(height):
+        plane.height = max(float(f"{height:.4g}"), 0.0)  # imgui's values are float32
     share, measured = plane.share, plane.measured
     imgui.text_disabled("" if share is None else "measuring…" if share == 0.0 else f"measuring: {100.0 * share:.0f} %")
     if measured is None:

@@ -215,9 +215,10 @@ def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor:
     driver.frame(3)
     bright = np.array(driver.session.scene.lights[0].color)
     driver.enter(driver.find("kelvin"), "2700")
-    driver.enter(driver.find("candela"), "1e38")  # beyond the limit of a light
-    assert "color" in driver.actions.messages.errors[0].text
     light = driver.session.scene.lights[0]
+    driver.enter(driver.find("candela"), "1e38")  # beyond the limit of a light
+    driver.enter(driver.find("kelvin"), "nan")
+    assert "color" in driver.actions.messages.errors[0].text and driver.session.scene.lights[0] == light
     assert light.color[0] > light.color[2]
     assert LUMINANCE @ light.color == pytest.approx(LUMINANCE @ bright, rel=1e-4)
     for candela in ("0", "179"):
