@@ -47,7 +47,7 @@ def edit_tint(layout: Layout, label: str, color: Point, lit: Point) -> Point:
     lit: the colour to show for black.
     """
     changed, tint = edit_colour(layout.label(label), tint_of(color if any(color) else lit))
-    return scaled(tint, max(color) or 1.0) if changed and max(tint) > 0.0 else color
+    return scaled(tint_of(tint), max(color) or 1.0) if changed and max(tint) > 0.0 else color
 
 
 def edit_outputs(

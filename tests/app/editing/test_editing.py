@@ -247,6 +247,10 @@ def test_colour_fields_are_srgb(driver: Driver, editor: Editor) -> None:
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("colour"))), "128")
     assert editor.scene.lights[0].color[0] / max(editor.loaded.lights[0].color) == pytest.approx(0.2159, abs=1e-4)
+    editor.set_light(0, replace(editor.scene.lights[0], color=(3.0, 0.3, 0.3)))
+    driver.frame(2)
+    driver.enter(Widget("color_edit3", "", _third(driver.find("colour"))), "128")
+    assert editor.scene.lights[0].color == pytest.approx((3.0, 3.0 * 0.1 / 0.2159, 3.0 * 0.1 / 0.2159), rel=1e-2), "not dimmed"
 
 
 def _third(field: Widget) -> tuple[float, float, float, float]:
