@@ -76,7 +76,7 @@ class PlaceLight(Tenant):
                 if view.ended((sums, settings.request_criteria)):
                     break
                 screen = scheduler.screen(drawn.gbuffer, sums, _NOBODY)
-                view, *_ = scheduler.gather_missing(view, screen, self.lit.shadows, _NOBODY, budget)
+                view, *_ = scheduler.gather_missing(view, screen, self.lit.shadows, budget)
                 if on_bake is not None:
                     on_bake(view.coverage, f"{self.cache.count - before} records")
             splats.update(self.cache)

@@ -6,6 +6,7 @@ records.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
@@ -16,6 +17,7 @@ from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.gather.record_frame import eye_positions, offset_of, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.target import Target, float_texture, table_texture, uneven
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -70,6 +72,21 @@ class Gather(Owner):
     def radii(self) -> tuple[float, float]:
         """The least and the greatest R_k, metres: the offset bounds distances below, and a miss counts as a scene's diagonal."""
         return self.offset, self.world.scene.diagonal
+
+    def _empty_atlas(self, target: Target, columns: int, edges: np.ndarray) -> Atlas:
+        """Return an atlas in `target` with so many cells per row, of four by four blocks each. edges: see Atlas."""
+        ctx, side = self.world.ctx, math.isqrt(self.share.size) // 4
+        return Atlas(
+            radiance=target.textures[0],
+            planes=target.textures[1],
+            table=self.own(table_texture(ctx, self.table, varying=True)),
+            edges=self.own(table_texture(ctx, edges, varying=True)),
+            frames=self.own(float_texture(ctx, (uneven(self.capacity * self.places), 5))),
+            count=0,
+            columns=columns,
+            cell=self.cell,
+            block=(side, side),
+        )
 
     def batches(self, requested: int, budget: Budget, times: int = 1) -> Iterator[slice]:
         """Return slices of the `requested` number of records, one batch each, until all are done or the budget ends.

@@ -12,7 +12,7 @@ from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.record_frame import OFFSET, atlas_grid
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 
@@ -37,17 +37,7 @@ class PlaneGather(Gather):
         defines = {**light_defines(world.scene), **world.material_defines, "SURFACE": int(surface)}
         self.program = self.own(Program(ctx, "gather/plane", defines=defines))
         self.target = self.own(Target(ctx, (columns * side, capacity // columns * side), (4, 4), depth=True))
-        self.atlas = Atlas(
-            radiance=self.target.textures[0],
-            planes=self.target.textures[1],
-            table=self.own(table_texture(ctx, self.table)),
-            edges=self.own(table_texture(ctx, plane_edges(side))),
-            frames=self.own(float_texture(ctx, (capacity, 5))),
-            count=0,
-            columns=columns,
-            cell=self.cell,
-            block=(side // 4, side // 4),
-        )
+        self.atlas = self._empty_atlas(self.target, columns, plane_edges(side))
 
     @property
     def offset(self) -> float:

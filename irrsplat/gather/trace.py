@@ -98,18 +98,8 @@ class TraceGather(Gather):
         size = uneven(columns * cell[0]), uneven(capacity // columns * cell[1])
         self.target = self.own(Target(ctx, size, (4,) * (5 if hits else 2)))
         directions = np.concatenate([rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
-        self.atlas = Atlas(
-            radiance=self.target.textures[0],
-            planes=self.target.textures[1],
-            table=self.own(table_texture(ctx, table, varying=True)),
-            edges=self.own(table_texture(ctx, stratum_edges(side), varying=True)),
-            frames=self.own(float_texture(ctx, (uneven(capacity * places), 5))),
-            count=0,
-            columns=columns,
-            cell=cell,
-            block=(side // 4, side // 4),
-            rays=self.own(table_texture(ctx, directions, varying=True)),
-        )
+        atlas = self._empty_atlas(self.target, columns, stratum_edges(side))
+        self.atlas = replace(atlas, rays=self.own(table_texture(ctx, directions, varying=True)))
         self.first_hits = self.own(FirstHits(world, rays, cell, places, capacity)) if embree else None
         self._rays = np.stack([*rays.T, table[..., 3].ravel()])
         resolves_close = surface and not hits and places == 1 and len(rays) > LEAST

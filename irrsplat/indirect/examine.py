@@ -19,7 +19,7 @@ from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target
-from irrsplat.scene.model import Part, measure
+from irrsplat.scene.model import Camera, Part, measure
 from irrsplat.settings import Settings
 
 _TILES = 100  # tiles along the picture's height (see `measure`)
@@ -74,12 +74,14 @@ class Examination:
 
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """A view for the examination: the `size` (width, height) of its picture, with sums at every `pixel_stride`-th pixel.
+    """A view by a `camera` for the examination: the `size` (width, height) of its picture, with sums at every `pixel_stride`-th
+    pixel.
 
     sums: an object that differs if the sums differ. examine: returns the examination by settings. spots: finds the positions
     for a spot check, if all pixels have sums. gbuffer, splats: those of a view without tiles.
     """
 
+    camera: Camera
     size: tuple[int, int]
     pixel_stride: int
     sums: object

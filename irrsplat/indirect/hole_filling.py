@@ -19,8 +19,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 
-_CELLS = 20_000  # cells of a picture, about: a probe in each takes a fraction of a second
-FIRST = 10_000  # probes for the first picture: half of the cells
+CELLS = 20_000  # cells of a picture, about: a probe in each takes a fraction of a second
 _MOST = 1 << 15  # greatest number of probes: a flight's earlier ones go
 _STEPS = 1, 2, 4  # distances of the filter's samples in its steps, cells; without a surface cache, further steps light all others
 _HOLES = DrawState(depth="<", depth_write=False)  # draws at marked pixels alone
@@ -66,7 +65,7 @@ class HoleFilling(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
-        self.side = 2 * max(1, math.ceil(0.5 * math.sqrt(size[0] * size[1] / _CELLS)))  # even, for sums at every other pixel
+        self.side = 2 * max(1, math.ceil(0.5 * math.sqrt(size[0] * size[1] / CELLS)))  # even, for sums at every other pixel
         self.grid = -(-size[0] // self.side), -(-size[1] // self.side)
         self.draw_cells = [self.own(Program(ctx, "indirect/holes/cells", "lib/fullscreen", {"SURFACE": on})) for on in (0, 1)]
         self.add_probes = self.own(Program(ctx, "indirect/holes/probes"))
@@ -167,17 +166,14 @@ class HoleFilling(Owner):
             surface=bool(surface),
             pixel_stride=splats.pixel_stride,
         )
-        return self._by_surface(target, gbuffer, splats, surface) if surface else replace(splats, sums=target.textures[0])
+        return self.by_surface(gbuffer, splats, surface, target) if surface else replace(splats, sums=target.textures[0])
 
-    def by_surface(self, gbuffer: GBuffer, splats: SplatBuffer, surface: Uniforms) -> SplatBuffer:
+    def by_surface(self, gbuffer: GBuffer, splats: SplatBuffer, surface: Uniforms, target: Target | None = None) -> SplatBuffer:
         """Return the sums, with the irradiance of the surface cache at pixels without a record: equal in every tile of a picture.
 
-        The texture belongs to this pass.
+        target: with sums, and the remaining holes marked; None: the holes of `splats`. The texture belongs to this pass.
         """
-        return self._by_surface(self._marked(gbuffer, splats), gbuffer, splats, surface)
-
-    def _by_surface(self, target: Target, gbuffer: GBuffer, splats: SplatBuffer, surface: Uniforms) -> SplatBuffer:
-        """Return the sums in `target`, with the irradiance of the surface cache at the holes that are left there."""
+        target = target or self._marked(gbuffer, splats)
         seen = {**gbuffer.surface_uniforms, **gbuffer.material_uniforms}
         self.take_surface(target, state=_HOLES, **seen, pixel_stride=splats.pixel_stride, **surface)
         return replace(splats, sums=target.textures[0])

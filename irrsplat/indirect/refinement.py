@@ -232,7 +232,7 @@ class Refiner(Owner):
             of = splats, settings.request_criteria
             if not fill.ended(of):
                 screen = self.scheduler.screen(self._given.gbuffer, splats, camera)
-                fill, *_ = self.scheduler.gather_missing(fill, screen, self._given.shadows, camera, self._given.budget, side)
+                fill, *_ = self.scheduler.gather_missing(fill, screen, self._given.shadows, self._given.budget, side)
             if fill.ended(of):
                 self.splats = splats
                 yield

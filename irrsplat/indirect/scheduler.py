@@ -104,7 +104,7 @@ class RecordScheduler(Owner):
     def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
         """Return a view that is drawn whole, for the examination."""
         examine, spots = partial(self.examined, gbuffer, splats), partial(self.spots, gbuffer, splats, camera)
-        return Screen(gbuffer.position.size, splats.pixel_stride, splats, examine, spots, gbuffer, splats)
+        return Screen(camera, gbuffer.position.size, splats.pixel_stride, splats, examine, spots, gbuffer, splats)
 
     @property
     def _changing(self) -> bool:
@@ -124,7 +124,7 @@ class RecordScheduler(Owner):
         return found, Need(found.missing, found.holes, requests, (screen.sums, settings.request_criteria))
 
     def gather_missing(
-        self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
+        self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, side: int = 0
     ) -> tuple[ViewState, int, bool]:
         """Gather records that the view requests, within the budget.
 
@@ -133,7 +133,7 @@ class RecordScheduler(Owner):
         """
         scan, new, complete = self.settings.placement == "scan" and not side, 0, True
         if scan:
-            view, new, complete = self._scan(view, screen, shadows, camera, budget)
+            view, new, complete = self._scan(view, screen, shadows, budget)
         elif view.queue is None:
             if self.cache.count < self._checked.records:
                 self._checked = PlacesChecked()
@@ -141,11 +141,11 @@ class RecordScheduler(Owner):
                 view = replace(view, check=None)
             elif view.check is not None:
                 return self._check(view, screen, shadows, budget, True), 0, False
-            view = self._select(view, screen, camera, side)
+            view = self._select(view, screen, side)
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
             sites, near = view.queue
-            new = self.gatherer.gather(shadows, _requested_by(sites, camera, screen.size), budget, side, near)
+            new = self.gatherer.gather(shadows, _requested_by(sites, screen), budget, side, near)
             view = replace(view, queue=Queue(sites[new:], near) if new < len(sites) else None)
             complete = view.queue is None
 
@@ -230,9 +230,9 @@ class RecordScheduler(Owner):
         noise = self.cache.records.read("noise")["noise"][near] * luminance
         return spots[np.sqrt((noise**2).mean(1)) <= _PROBED_NOISE * luminance.mean(1)]
 
-    def _room(self, requested: int, camera: Camera, size: tuple[int, int]) -> int:
+    def _room(self, requested: int, screen: Screen) -> int:
         """Evict records to make room for new records where eviction is allowed; return the free number of records."""
-        numbers = kept(self.cache, requested, camera, size, self.settings)
+        numbers = kept(self.cache, requested, screen.camera, screen.size, self.settings)
         if numbers is not None:
             self.cache.keep_only(numbers)
             self.adaptation.keep(numbers)
@@ -244,7 +244,7 @@ class RecordScheduler(Owner):
         """The free number of records without eviction."""
         return max(self.settings.max_records - self.cache.count, 0)
 
-    def _select(self, view: ViewState, screen: Screen, camera: Camera, side: int) -> ViewState:
+    def _select(self, view: ViewState, screen: Screen, side: int) -> ViewState:
         """Return the view with its present need, and the queue of a new round, coarse to fine; None without a request."""
         settings = replace(self.settings, spread=0.0) if self._changing else self.settings
         with self.timers("examine"):
@@ -258,13 +258,11 @@ class RecordScheduler(Owner):
                 if len(tiles[0]) or not need.requests:
                     break
         sites = found.at(tiles)
-        room = self.room if side else self._room(len(sites), camera, screen.size)
+        room = self.room if side else self._room(len(sites), screen)
         queue = Queue(sites[:room], board.colour < 0) if len(sites) and room else None
         return replace(view, need=need, step=step, queue=queue, full=room < len(sites))
 
-    def _scan(
-        self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget
-    ) -> tuple[ViewState, int, bool]:
+    def _scan(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> tuple[ViewState, int, bool]:
         """Gather by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
         scan, gbuffer, splats = view.scan, screen.gbuffer, screen.splats
         assert gbuffer is not None and splats is not None  # the scan draws whole views alone
@@ -272,16 +270,16 @@ class RecordScheduler(Owner):
             with self.timers("gbuffer"):
                 scan = Scan(read_back(gbuffer), self.settings.warmup if self.cache.count else 0)
         self.gatherer.restore_surface(shadows, budget)
-        room, of = self._room(1, camera, gbuffer.position.size), (screen.sums, self.settings.request_criteria)
+        room, of = self._room(1, screen), (screen.sums, self.settings.request_criteria)
         view = replace(view, scan=scan, full=not room)
         if not room:
             return replace(view, need=self.need(screen)), 0, True
         record = partial(gather_record, self.gatherer.gather_pass, self.gatherer.light(shadows))
         weight = pixels(splats.weight)[..., 0]
         with self.timers("gather" if scan.warmed < self.settings.warmup else "examine"):
-            sites, values, missing, complete = scan.advance(weight, record, room, budget, camera, self.settings)
+            sites, values, missing, complete = scan.advance(weight, record, room, budget, screen.camera, self.settings)
         if len(sites):
-            self.cache.append(_requested_by(sites, camera, gbuffer.position.size), values)
+            self.cache.append(_requested_by(sites, screen), values)
         return replace(view, need=Need(missing, of=of)), len(sites), complete
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
@@ -307,7 +305,7 @@ class RecordScheduler(Owner):
         self.gatherer.resume_with(state.bounces)
 
 
-def _requested_by(sites: Sites, camera: Camera, size: tuple[int, int]) -> Sites:
-    """Return `sites` as requested by a view of `size` (width, height) from `camera`."""
-    distance = np.linalg.norm(sites.position - np.asarray(camera.eye, "f4"), axis=1)
-    return replace(sites, screen=camera.measure(size) * distance)
+def _requested_by(sites: Sites, screen: Screen) -> Sites:
+    """Return `sites` as requested by a view."""
+    distance = np.linalg.norm(sites.position - np.asarray(screen.camera.eye, "f4"), axis=1)
+    return replace(sites, screen=screen.camera.measure(screen.size) * distance)

@@ -57,7 +57,6 @@ _COLUMNS: dict[str, _Column] = {
     "drift": _Column((), "f4", "change of its probes since its gather, 0..1; 1: unknown"),
     "due": _Column((), "f4", "estimated change around it since its last probe; 0: none", saved=False),
 }
-_COUNTED = 1 << 53  # upper bound of all counters of records
 _SAVED = [name for name, column in _COLUMNS.items() if column.saved]
 _ON_GPU = [name for name, column in record_layout.COLUMNS.items() if column.source != "site"]  # files have the same names
 
@@ -410,5 +409,6 @@ def check_state(state: Mapping[str, np.ndarray]) -> None:
         found = state[name]
         if found.shape != shape or found.dtype.kind not in "fiu" or not np.isfinite(found).all():
             raise ValueError(name)
-        if found.dtype.kind != "f" and not (-_COUNTED <= found.min(initial=0) <= found.max(initial=0) <= _COUNTED):
+        # no counter exceeds the integers that float64 holds exactly
+        if found.dtype.kind != "f" and not (-(1 << 53) <= found.min(initial=0) <= found.max(initial=0) <= 1 << 53):
             raise ValueError(name)

@@ -22,7 +22,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
-from irrsplat.indirect.hole_filling import FIRST, HoleFilling, HoleLight
+from irrsplat.indirect.hole_filling import CELLS, HoleFilling, HoleLight
 from irrsplat.indirect.refinement import Refiner
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import first_stride
@@ -150,10 +150,11 @@ class Frames(Owner):
             view, complete = self._examine(view, screen, of, ready, gather)
         elif not view.ended(of):  # 2.3 and 2.1
             part = budget.part(1.0 - _HOLES if probing and view.lacks_probes else 1.0, later)
-            view, new, complete = scheduler.gather_missing(view, screen, shadows, camera, part)
+            view, new, complete = scheduler.gather_missing(view, screen, shadows, part)
         if probing and view.lacks_probes:
             filling = stages.hole_filling(state)
-            view = self._probe_holes(filling, view, screen, shadows, camera, budget.part(1.0, later), FIRST if first else 0)
+            least = CELLS // 2 if first else 0  # probes in half of the cells make a first picture
+            view = self._probe_holes(filling, view, screen, shadows, budget.part(1.0, later), least)
         if new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
@@ -198,14 +199,7 @@ class Frames(Owner):
         return self.scheduler.screen(gbuffer, splats, camera)
 
     def _probe_holes(
-        self,
-        filling: HoleFilling,
-        view: ViewState,
-        screen: Screen,
-        shadows: ShadowMaps,
-        camera: Camera,
-        budget: Budget,
-        least: int,
+        self, filling: HoleFilling, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, least: int
     ) -> ViewState:
         """Gather probes of a view's holes within the budget, and at least so many of them."""
         gatherer, probes, gbuffer, splats = self.scheduler.gatherer, self.scheduler.hole_probes, screen.gbuffer, screen.splats
@@ -213,7 +207,7 @@ class Frames(Owner):
         if (holes := view.holes) is None:
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 light = HoleLight(probes, gatherer.surface_uniforms, gatherer.provisional)
-                holes = filling.sites(gbuffer, splats, camera, light)
+                holes = filling.sites(gbuffer, splats, screen.camera, light)
         holes = holes[gatherer.probe_holes(shadows, probes.cache, holes[:least], Budget(None)) :]
         return replace(view, holes=holes[gatherer.probe_holes(shadows, probes.cache, holes, budget) :])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -62,34 +62,24 @@ def available() -> int | None:
 
     The least of the machine's, the container's and the process's own limit.
     """
-    found = [*_machine(), *_container(), *_process()]
+    found = list(_limits())
     return max(0, min(found)) if found else None
 
 
-def _machine() -> list[int]:
+def _limits() -> Iterator[int]:
+    """Yield the free bytes by each limit that this system has."""
     with suppress(OSError, ValueError, IndexError):
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):
-                return [1024 * int(line.split()[1])]
-    return []
-
-
-def _container() -> list[int]:
-    found = []
+                yield 1024 * int(line.split()[1])
     for limit, taken in _GROUPS:
         with suppress(OSError, ValueError):  # "max", or no such file: no limit
             root = Path("/sys/fs/cgroup")
-            found.append(int((root / limit).read_text()) - int((root / taken).read_text()))
-    return found
-
-
-def _process() -> list[int]:
-    """Return the unused part of the limit of ulimit -v."""
+            yield int((root / limit).read_text()) - int((root / taken).read_text())
     with suppress(ImportError, OSError, ValueError, IndexError):
         import resource
 
-        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-        if limit != resource.RLIM_INFINITY:
+        most, _ = resource.getrlimit(resource.RLIMIT_AS)  # of ulimit -v
+        if most != resource.RLIM_INFINITY:
             pages = int(Path("/proc/self/statm").read_text().split()[0])
-            return [limit - pages * resource.getpagesize()]
-    return []
+            yield most - pages * resource.getpagesize()

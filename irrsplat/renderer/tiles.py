@@ -38,7 +38,7 @@ class TileScreens:
         """Return the view for the examination, with splats at every `pixel_stride`-th pixel."""
         sums = camera, state.view_subject, pixel_stride, self.cache.revision, self.cache.count
         examine, spots = partial(self._examine, state, camera, pixel_stride), partial(self._spots, state, camera)
-        return Screen(state.size, pixel_stride, sums, examine, spots)
+        return Screen(camera, state.size, pixel_stride, sums, examine, spots)
 
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
         """Return the examination of all tiles. A tile that no new record reaches keeps its last result."""

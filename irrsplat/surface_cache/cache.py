@@ -7,6 +7,8 @@ complete. Progressive refinement adds finer levels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 
@@ -18,7 +20,7 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.light_difference import LightDifference
+from irrsplat.surface_cache.light_difference import LightPart
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
 from irrsplat.surface_cache.surface_sites import SurfaceSites, no_sites
@@ -31,21 +33,22 @@ _LIGHT = "seed", "bounces", "light_samples", "shadow_size"  # settings on which 
 class SurfaceCache(Owner):
     """The surface cache of a world's scene. detail: the density of sites and rays of its full level.
 
-    In ticks, a coarse level provides the values until the full level is complete. Finer levels replace the full level.
+    level: the full level. in_use: the level of the values that lookups read. In ticks, a coarse level provides the values until
+    the full level is complete. Finer levels replace the full level. before: the level in use before the last refinement.
     """
 
     def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
         self.world, self.timers = world, timers
-        self._level = SiteLevel(world, settings, detail)
+        self.level = SiteLevel(world, settings, detail)
         self._coarse: SiteLevel | None = None  # made by the first tick
-        self._in_use = self.before = self._level  # the level of the lookups' values, and the level before it
+        self.in_use = self.before = self.level
         self._next: SiteLevel | None = None  # the unfinished finer level
         self._relit = False  # True while the full level has values of other lights or materials
         self._no_sites, self._view_pass, self._viewed = no_sites(world.ctx), SurfaceViewPass(world.ctx), Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        levels = dict.fromkeys((self._level, self._coarse, self.before, self._in_use, self._next))
+        levels = dict.fromkeys((self.level, self._coarse, self.before, self.in_use, self._next))
         return (self._no_sites, self._view_pass, *levels)
 
     # ---- its values ------------------------------------------------------------------------------------------------
@@ -53,17 +56,12 @@ class SurfaceCache(Owner):
     @property
     def result(self) -> BouncedLight | None:
         """The values that lookups read; None before the first values exist."""
-        return self._in_use.light
-
-    @property
-    def sites(self) -> SurfaceSites | None:
-        """The sites of the values that lookups read; None before the first values exist."""
-        return self._in_use.shown
+        return self.in_use.light
 
     @property
     def refinements(self) -> int:
         """The number of levels by which the values in use are finer."""
-        return max(self._in_use.detail.level, 0)
+        return max(self.in_use.detail.level, 0)
 
     @property
     def may_refine(self) -> bool:
@@ -73,42 +71,27 @@ class SurfaceCache(Owner):
     @property
     def starts_coarse(self) -> bool:
         """True if ticks make a coarse level first."""
-        detail = self._level.detail
+        detail = self.level.detail
         return detail.points * detail.rays > COARSE.points * COARSE.rays
 
     @property
     def is_coarse(self) -> bool:
         """True while lookups find coarse values."""
-        return self._in_use is self._coarse
+        return self.in_use is self._coarse
 
     @property
     def current(self) -> bool:
         """True if lookups find values of about the present light. Moved meshes change little of the light."""
-        return self._in_use.complete or (self._level.still == 0 and self.follows) or not self._outdated
-
-    @property
-    def follows(self) -> bool:
-        """True if the lookups' values follow changes of the light until new values are made."""
-        return self._in_use.follower is not None
+        return self.in_use.complete or (self.level.still == 0 and self.in_use.follower is not None) or not self._outdated
 
     @property
     def _outdated(self) -> bool:
         """True if the values of the full level are of another light, or missing."""
-        return self._relit or self._level.light is None
-
-    @property
-    def complete(self) -> bool:
-        """True if the values in use are complete for the scene and settings."""
-        return self._level.complete
-
-    @property
-    def progress(self) -> float:
-        """The completed share of the values for the scene and settings, 0..1."""
-        return self._level.progress
+        return self._relit or self.level.light is None
 
     def uniforms(self, sites: SurfaceSites | None = None) -> Uniforms:
         """Return the uniforms of shaders/surface_cache/lookup.glsl for these `sites`; None for those in use."""
-        return (sites or self.sites or self._no_sites).uniforms(self.world)
+        return (sites or self.in_use.shown or self._no_sites).uniforms(self.world)
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """Return the cache's values at every pixel, see SurfaceViewPass; valid until the next call."""
@@ -122,27 +105,27 @@ class SurfaceCache(Owner):
 
     def hold_light(self, shadows: ShadowMaps) -> None:
         """Prepare the full level, and the level in use, to follow a change of the scene. shadows: the maps before the change."""
-        for level in dict.fromkeys((self._level, self._in_use)):
+        for level in dict.fromkeys((self.level, self.in_use)):
             if level.follower is not None:
                 level.follower.begin(shadows)
 
     def may_add(self) -> bool:
         """True if a difference between lights may be added to the full level."""
-        return self._level.may_add() and not self.is_coarse
+        return self.level.may_add() and not self.is_coarse
 
-    def change(self, settings: Settings, change: SceneChange, difference: LightDifference | None = None) -> None:
+    def change(self, settings: Settings, change: SceneChange, difference: Sequence[LightPart] = ()) -> None:
         """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones.
 
         difference: of the light, if it may be added, see `may_add`.
         """
-        level, coarse = self._level, self._coarse
+        level, coarse = self.level, self._coarse
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
         outdated = self._outdated
         self._relit |= change.changes_light and change.dimming is None
         level.change(settings, change, difference)
         if coarse is not None and change.moved and level.follower is not None:  # the values of the full level follow
-            self._coarse, self._in_use = None, level
+            self._coarse, self.in_use = None, level
             coarse.release()
         elif coarse is not None:  # coarse values would never be complete while light changes in every tick
             coarse.change(settings, change, finish=outdated)
@@ -150,16 +133,16 @@ class SurfaceCache(Owner):
     def expire(self) -> None:
         """Gather all again."""
         self._drop_finer()
-        self._level.difference = None
-        for level in filter(None, (self._level, self._coarse)):
+        self.level.difference = None
+        for level in filter(None, (self.level, self._coarse)):
             level.expire()
 
     def _drop_finer(self) -> None:
         """Return to the values from before all refinements."""
-        finer = {level for level in (self.before, self._in_use, self._next) if level is not None and level.detail.level > 0}
-        self.before, self._next = self._level, None
-        if self._in_use in finer:
-            self._in_use = self._level
+        finer = {level for level in (self.before, self.in_use, self._next) if level is not None and level.detail.level > 0}
+        self.before, self._next = self.level, None
+        if self.in_use in finer:
+            self.in_use = self.level
         for level in finer:
             level.release()
 
@@ -170,20 +153,20 @@ class SurfaceCache(Owner):
 
         Return the relative change of the values that lookups find, 1 for new ones; None if they are as before.
         """
-        if self.complete:
+        if self.level.complete:
             return None
         with self.timers("surface"):
-            level = self._level
+            level = self.level
             made, changed = level, level.follow(shadows, budget)
             if changed is None and budget.limited and self._outdated and self.starts_coarse and level.difference is None:
                 self._coarse = self._coarse or SiteLevel(self.world, level.settings, COARSE)
                 made = level if self._coarse.complete else self._coarse
-            if made is self._in_use is self._coarse:
+            if made is self.in_use is self._coarse:
                 changed = made.follow(shadows, budget)
             if changed is None and made.make(shadows, budget):
                 self._relit, changed = self._relit and made is self._coarse, 1.0
         if changed is not None:
-            self._in_use = made
+            self.in_use = made
         return changed
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
@@ -191,15 +174,14 @@ class SurfaceCache(Owner):
 
         They hold until the light of the scene changes.
         """
-        if self._level.light is None or not self.complete:
+        if self.level.light is None or not self.level.complete:
             return False
-        full, level = self._level.detail, self.refinements + 1
-        finer = Detail(full.points * 2.0**level, full.rays, level)  # twice the sites of the level before
-        self._next = self._next or SiteLevel(self.world, self._level.settings, finer)
+        finer = self.level.detail.refined(self.refinements + 1)
+        self._next = self._next or SiteLevel(self.world, self.level.settings, finer)
         with self.timers("surface"):
             if not self._next.make(shadows, budget):
                 return False
-        if self.before is not self._level:
+        if self.before is not self.level:
             self.before.release()
-        self.before, self._in_use, self._next = self._in_use, self._next, None
+        self.before, self.in_use, self._next = self.in_use, self._next, None
         return True

@@ -28,7 +28,10 @@ _FEW = 8  # the rays are traced once for added and once for removed lights: it p
 
 
 class LightPart(Owner):
-    """The light of some `lights` of a world. sign: 1 if a change adds the lights, -1 if it removes them."""
+    """The light of some `lights` of a world. sign: 1 if a change adds the lights, -1 if it removes them.
+
+    The parts of a change add up to the difference between two states of the world with different lights.
+    """
 
     def __init__(self, world: World, settings: Settings, lights: tuple[Light, ...], sign: float) -> None:
         self.world, self.settings, self.sign = self.own(PartlyLitWorld(world, lights)), settings, sign
@@ -56,32 +59,13 @@ class LightPart(Owner):
         for batch in self._rays.gathered(gather, sites, left, self.light.shadows, budget, self._sites):
             self._done += len(batch)
         if self._done == count and self._bounced is None:
-            most, transport = settings.most_bounces, sites.transport if settings.most_bounces > 2 else None
             E_1 = self._sites.read()["irradiance"]
-            self._bouncing = self._bouncing or sum_bounces(E_1, transport, sites.area, most, settings.bounces == "all")
+            self._bouncing = self._bouncing or sum_bounces(E_1, sites.transport, sites.area, settings)
             self._bounced = made = budget.advance(self._bouncing)
             if made is not None:
                 values = self.own(table_texture(ctx, table_rows(sites.texels(made.irradiance)[:, None])))
                 self.light = replace(self.light, surface=sites.uniforms(self.world) | {"surface_values": values})
         return self._bounced is not None
-
-
-class LightDifference(Owner):
-    """The difference between two states of a `world` with different lights. changed: from `changed_lights`."""
-
-    def __init__(self, world: World, settings: Settings, changed: tuple[list[Light], list[Light]]) -> None:
-        signed = zip(changed, (1.0, -1.0), strict=True)
-        self.parts = tuple(self.own(LightPart(world, settings, tuple(lights), sign)) for lights, sign in signed if lights)
-
-    def bounce(self, sites: SurfaceSites, detail: Detail, budget: Budget) -> bool:
-        """Continue the light of all parts between the sites within the budget. Return True once it is complete."""
-        return all(part.bounce(sites, detail, budget) for part in self.parts)
-
-    @property
-    def at_sites(self) -> np.ndarray:
-        """(2, S, 3) the change of E_1 and of the irradiance of all bounces at the sites, W/m²."""
-        total: np.ndarray = np.sum([part.at_sites for part in self.parts], axis=0)
-        return total
 
 
 def changed_lights(change: SceneChange) -> tuple[list[Light], list[Light]] | None:

@@ -28,14 +28,14 @@ from irrsplat.surface_cache.tessellation import tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
-COARSE_SITES = 4000  # greatest number of sites of a coarse level: half as many have twice the error, for a tenth of the time
-MAX_SITES = 1 << 15  # greatest number of sites of a full level
-MAX_REFINED_SITES = 1 << 16  # greatest number of sites of finer levels; the transport between them takes some 80 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # numbers of the values of members that see only the sky, and of members without light
 FIRST_SITE = 2  # number of the first gathered value
 _ROUNDS = 4  # rounds of clustering; members that do not see their cluster's site form clusters in the next round
 _ALTERNATIVES = 10  # near sites that are tried for a member without a site of its own
-_FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: sites of the first round, about and at most; members that see none get the remaining
+_FIRST_SHARE = (
+    0.6,
+    0.7,
+)  # of `most`: sites of the first round, about and at most; members that see none get the remaining
 _MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _CLOSE = 1 / 16  # of that width: closer members of a coarse level are one member
@@ -53,21 +53,22 @@ _ROOMS = 3.0  # of the size of these surroundings: distance up to which area cou
 class Detail:
     """The density of a surface cache: its share of the sites, and of the rays of each site.
 
-    level: -1 for a coarse level, 0 for the level of the settings, more for finer levels.
+    level: -1 for a coarse level, 0 for the level of the settings, more for finer levels. most: the greatest number of sites.
     """
 
-    points: float
-    rays: float
+    points: float = 1.0
+    rays: float = 1.0
     level: int = 0
+    most: int = 1 << 15
 
-    @property
-    def most(self) -> int:
-        """The greatest number of sites."""
-        return COARSE_SITES if self.level < 0 else MAX_REFINED_SITES if self.level > 0 else MAX_SITES
+    def refined(self, level: int) -> Detail:
+        """Return the density of a finer level, with twice the sites of the level before. Their transport takes some 80 MB."""
+        return Detail(self.points * 2.0**level, self.rays, level, 2 * self.most)
 
 
-FULL = Detail(1.0, 1.0)
-COARSE = Detail(0.15, 1.0, -1)  # 15 % of the rays; its light at pixels is 8, 14 and 13 % off in cornell, door and atrium
+# 15 % of the rays: its light at pixels is 8, 14 and 13 % off in cornell, door and atrium. With half as many sites at most, the
+# error is twice as large, for a tenth of the time
+COARSE = Detail(0.15, 1.0, -1, 4000)
 MAX_LEVEL = 2  # the finest level, whose tables take some hundred megabytes
 _FINE = 64  # side of a gather from which the surface cache is full
 _LEAST = 0.2  # of the sites, however few rays a gather has

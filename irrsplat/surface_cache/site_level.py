@@ -6,6 +6,7 @@ follow by sums. While lights or meshes move, a Follower updates the values in us
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,7 +23,7 @@ from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.follower import Follower
-from irrsplat.surface_cache.light_difference import LightDifference
+from irrsplat.surface_cache.light_difference import LightPart
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_places import Survey
 from irrsplat.surface_cache.site_rays import SiteRays
@@ -64,7 +65,7 @@ class SiteLevel(Owner):
         self.sites: SurfaceSites | None = None
         self.follower: Follower | None = None
         # between the light and the scene's, and the light before; None: all is gathered again
-        self.difference: tuple[LightDifference, BouncedLight | None] | None = None
+        self.difference: tuple[Sequence[LightPart], BouncedLight | None] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -98,14 +99,12 @@ class SiteLevel(Owner):
         known = shown is not None and (shown.transport is not None or self.settings.most_bounces == 2)
         return self.complete and shown is self.sites and known
 
-    def change(
-        self, settings: Settings, change: SceneChange, difference: LightDifference | None = None, finish: bool = False
-    ) -> None:
+    def change(self, settings: Settings, change: SceneChange, difference: Sequence[LightPart] = (), finish: bool = False) -> None:
         """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones.
 
         difference: of the light, if it may be added, see `may_add`. finish: True if half-made values are completed first.
         """
-        self.difference = None if difference is None else (difference, self.light)
+        self.difference = (difference, self.light) if difference else None
         unlit, self._unlit = self._unlit, self.world.unlit_interiors
         old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
@@ -200,12 +199,13 @@ class SiteLevel(Owner):
             self.expire()
         return True
 
-    def _add(self, difference: LightDifference, before: BouncedLight | None, sites: SurfaceSites, budget: Budget) -> bool:
+    def _add(self, difference: Sequence[LightPart], before: BouncedLight | None, sites: SurfaceSites, budget: Budget) -> bool:
         """Continue the `difference` between the sites within the budget. Return True once it is added to the light `before`."""
-        if not difference.bounce(sites, self.detail, budget):
+        if not all(part.bounce(sites, self.detail, budget) for part in difference):
             return False
         assert before is not None
-        records, numbers, (first, bounced) = sites.records, np.arange(sites.records.count), difference.at_sites
+        records, numbers = sites.records, np.arange(sites.records.count)
+        first, bounced = np.sum([part.at_sites for part in difference], axis=0)
         records.correct({"irradiance": np.maximum(records.read()["irradiance"] + first, 0.0)}, numbers)
         records.mark_refreshed(numbers)
         self.difference = None
@@ -288,9 +288,7 @@ class SiteLevel(Owner):
     def _bounce(self, sites: SurfaceSites, budget: Budget) -> BouncedLight | None:
         """Return the light of all bounces from E_1, up to the settings' last one; None if the budget ends before."""
         if self._steps.bouncing is None:
-            most, everything = self.settings.most_bounces, self.settings.bounces == "all"
-            transport = sites.transport if most > 2 else None
-            self._steps.bouncing = sum_bounces(self._first(sites.records), transport, sites.area, most, everything)
+            self._steps.bouncing = sum_bounces(self._first(sites.records), sites.transport, sites.area, self.settings)
         return budget.advance(self._steps.bouncing)
 
     def _first(self, records: RecordCache) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.timing.background import Steps
+from irrsplat.settings import Settings
 
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
@@ -63,19 +64,17 @@ class BouncedLight:
     converged: bool = False
 
 
-def sum_bounces(
-    E_1: np.ndarray, transport: Transport | None, area: np.ndarray, most: int, everything: bool
-) -> Steps[BouncedLight]:
-    """Return E_(N−1) at the sites for N = `most` bounces. Pause after each bounce.
+def sum_bounces(E_1: np.ndarray, transport: Transport | None, area: np.ndarray, settings: Settings) -> Steps[BouncedLight]:
+    """Return E_(N−1) at the sites for the N bounces of the settings. Pause after each bounce.
 
-    With `everything`, add an estimate of the light of further bounces, and end at the first N with an estimate below CONVERGED.
+    For all bounces, add an estimate of the light of further ones, and end at the first N with an estimate below CONVERGED.
 
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
     total = term = E_1.astype(np.float32)
-    if transport is None:
-        return BouncedLight(total, 2)
-    made = 2
+    made, most, everything = 2, settings.most_bounces, settings.bounces == "all"
+    if transport is None or most == made:
+        return BouncedLight(total, made)
     while True:
         after = transport(term)  # the bounce that a gather from `total` adds
         decay = _decay(term, after, area)

@@ -17,6 +17,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.statistics import bounces_notice
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.scene.model import Camera, Mesh, Scene
+from irrsplat.settings import Settings
 from irrsplat.sky.environment import Environment
 from irrsplat.surface_cache import site_layout, site_rays, tessellation
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
@@ -233,8 +234,8 @@ def dense(transport: Transport) -> np.ndarray:
     return np.stack([transport(np.repeat(unit[:, None], 3, axis=1)) for unit in units]).transpose(2, 1, 0)
 
 
-def last(*arguments: Any) -> BouncedLight:
-    found = Budget(None).advance(sum_bounces(*arguments))
+def last(E_1: np.ndarray, transport: Any, area: np.ndarray, bounces: Any = "all") -> BouncedLight:
+    found = Budget(None).advance(sum_bounces(E_1, transport, area, Settings(bounces=bounces)))
     assert found is not None
     return found
 
@@ -247,14 +248,14 @@ def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> Non
     """
     transport, E_1, area = closed(50, reflectance)
     E = np.linalg.solve(np.eye(50) - dense(transport)[0], E_1)
-    found = last(E_1, transport, area, 64, True)
+    found = last(E_1, transport, area)
     assert found.converged
     assert np.abs(found.irradiance - E).max() < 0.005 * E.mean()
     pair = by_rows(np.array([[0.0, 0.9, 0.0], [0.9, 0.0, 0.0], [0.0, 0.0, 0.0]], "f4"))
-    spread = last(np.outer([0.0, 1.0, 0.0], [1.0] * 3), pair, np.array([1.0, 1.0, 1e4]), 64, True).irradiance
+    spread = last(np.outer([0.0, 1.0, 0.0], [1.0] * 3), pair, np.array([1.0, 1.0, 1e4])).irradiance
     assert spread[:, 0] == pytest.approx([0.9 / 0.19, 1.0 / 0.19, 0.0], rel=0.01)
     doorway = by_rows(np.array([[0.98, 0.01], [0.01, 0.98]]))  # two rooms, which are not equally bright after 64 bounces
-    assert not last(np.outer([1.0, 0.0], [1.0] * 3), doorway, np.ones(2), 64, True).converged
+    assert not last(np.outer([1.0, 0.0], [1.0] * 3), doorway, np.ones(2)).converged
 
 
 def test_as_many_bounces_as_are_asked_for() -> None:
@@ -262,9 +263,9 @@ def test_as_many_bounces_as_are_asked_for() -> None:
     F = dense(transport)[0].astype(float)
     for number in (2, 3, 7):
         expected = sum(np.linalg.matrix_power(F, k) @ E_1 for k in range(number - 1))
-        found = last(E_1, transport if number > 2 else None, area, number, False)
+        found = last(E_1, transport if number > 2 else None, area, number)
         assert np.allclose(found.irradiance, expected, rtol=1e-5) and found.bounces == number
-    assert last(np.zeros((20, 3)), transport, area, 64, True).bounces == 2, "where there is no light there is nothing to wait for"
+    assert last(np.zeros((20, 3)), transport, area).bounces == 2, "where there is no light there is nothing to wait for"
 
 
 # ---- changes ----------------------------------------------------------------------------------------------------------
@@ -364,7 +365,7 @@ def test_a_lit_ground_ends_no_bounces_in_the_house_on_it() -> None:
     """90 sites keep 0.8 of their light from bounce to bounce, and 10 of a vast ground in the sun nothing."""
     fade = np.where(np.arange(100) < 90, 0.8, 0.0).astype(np.float32)[:, None]
     area = np.where(np.arange(100) < 90, 1.0, 1e5)
-    found = last(np.ones((100, 3)), lambda term: term * fade, area, 100, True)
+    found = last(np.ones((100, 3)), lambda term: term * fade, area)
     assert np.allclose(found.irradiance[:90], 5.0, rtol=0.01)
 
 

@@ -161,8 +161,8 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
             surface.advance(renderer.draw_shadows(), Budget(TICK))
         other.relight(lit(1.0))
         advance(other)
-        assert not surface.complete and surface.sites is not None
-        area, found, true = surface.sites.area[:, None], values(renderer), values(other)
+        assert not surface.level.complete and surface.in_use.shown is not None
+        area, found, true = surface.in_use.shown.area[:, None], values(renderer), values(other)
         assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.15
         assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
 
@@ -177,8 +177,8 @@ def test_the_gap_above_a_moved_panel_lights_nothing_else(ctx: moderngl.Context, 
     walls = box((-1, -1, -1), (1, 1, 1), material(0.7), outward=False)
     with made(ctx, scene(walls, panel, camera=FRONT)) as renderer:
         surface = renderer.scheduler.gatherer.surface
-        assert surface is not None and surface.sites is not None
-        lower = surface.sites.area[:, None] * (surface.sites.records.positions[:, 1:2] < 0.0)
+        assert surface is not None and surface.in_use.shown is not None
+        lower = surface.in_use.shown.area[:, None] * (surface.in_use.shown.records.positions[:, 1:2] < 0.0)
         before = (lower * values(renderer)).sum()
         for step in range(1, STEPS + 1):
             renderer.move("panel", np.array([[1, 0, 0, -0.4 * step / STEPS], [0, 1, 0, 0], [0, 0, 1, 0]]))

@@ -68,7 +68,7 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.
     with Renderer(grooves(), (48, 36), bounces=2, gather="trace", shadow_size=512) as renderer:
         renderer.frame()
         surface = renderer.scheduler.gatherer.surface_now
-        assert surface is not None and surface.complete and surface.sites is not None and surface.result is not None
+        assert surface is not None and surface.level.complete and surface.in_use.shown is not None and surface.result is not None
         seen = read_back(renderer.draw_gbuffer(renderer.scene.camera()))
         eyes = seen.sites(np.nonzero(seen.mask))[::97]
         with TraceGather(renderer.world, 16, hits=True, survey=True) as gather:
@@ -90,7 +90,7 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.
         E = surface.result.irradiance
         assert reflected(E).sum() == pytest.approx(true.sum(), rel=0.04)
         alone, used = np.zeros_like(E), np.unique(values[hit])
-        alone[used] = gathered(renderer, replace(surface.sites.records.sites(used), frame_rotation=None))
+        alone[used] = gathered(renderer, replace(surface.in_use.shown.records.sites(used), frame_rotation=None))
         small = np.ptp(renderer.world.geometry.corners[triangle[hit]], axis=1).max(1) < 3.9  # of the grooves
         assert reflected(alone).sum() < 0.94 * true.sum() and reflected(alone)[small].sum() < 0.75 * true[small].sum()
         assert reflected(E)[small].sum() > 0.82 * true[small].sum()
@@ -147,7 +147,7 @@ def test_a_further_refinement_brings_lookups_nearer_to_gathers(tmp_path: Path, m
     with Renderer(irrsplat.load(write_room(tmp_path)), (48, 36), bounces=2, gather="trace", shadow_size=256) as renderer:
         renderer.frame()
         surface, shadows = renderer.scheduler.gatherer.surface_now, renderer.draw_shadows()
-        assert surface is not None and surface.complete and surface.result is not None
+        assert surface is not None and surface.level.complete and surface.result is not None
         seen = read_back(renderer.draw_gbuffer(renderer.scene.camera()))
         sites: Sites = seen.sites(np.nonzero(seen.mask))[::5]
         with (

@@ -18,7 +18,7 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.surface_cache import clustering, tessellation
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.clustering import Clusters
-from irrsplat.surface_cache.site_layout import FULL, Detail, SiteChooser, detail_for
+from irrsplat.surface_cache.site_layout import Detail, SiteChooser, detail_for
 from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
@@ -178,14 +178,14 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     near = pairs[:, (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5]
     near = np.concatenate([near, near + len(every)], axis=1)
     for reach in (lambda *ends: sight(ball.ray_uniforms, *ends), ball.caster.reach):
-        chooser = SiteChooser(high, reach, FULL)
+        chooser = SiteChooser(high, reach, Detail())
         assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1]))), "outside over the bulge, inside straight"
         assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every)))), "never through it"
     for gap, through in ((0.05, False), (0.5, True)):  # metres below a wall between two points that are 1 m apart on a floor
         gate, up = World(ctx, scene(quad((0, gap, -1), (0, 0, 2), (0, 1, 0)))), np.tile(np.array([0, 1, 0], np.float32), (2, 1))
         at = np.array([[-0.5, 0, 0], [0.5, 0, 0]], np.float32)
         points = Sites(at, up, up)
-        chooser = SiteChooser(high, gate.caster.reach, FULL)
+        chooser = SiteChooser(high, gate.caster.reach, Detail())
         assert Budget(None).advance(chooser.see(points, np.array([0]), np.array([1]))) == [through]
 
 
@@ -204,8 +204,8 @@ def oracle(
 ) -> np.ndarray:
     """Return (N, 3): the mean of the corner values of the cell that contains the point, among all cells of its triangle."""
     triangles = cache.world.geometry.corners.astype(float)
-    assert cache.sites is not None
-    numbers = np.frombuffer(cache.sites.cells.read(), "f4").reshape(-1, 2, 4)
+    assert cache.in_use.shown is not None
+    numbers = np.frombuffer(cache.in_use.shown.cells.read(), "f4").reshape(-1, 2, 4)
     n = cut.table[:, 0].astype(int)
     out = np.zeros((len(p), 3))
     for i, (point, t, s) in enumerate(zip(p, triangle, side, strict=True)):
@@ -235,8 +235,8 @@ def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
         cache = renderer.scheduler.gatherer.surface
         assert renderer.shadows is not None and cache is not None
         renderer.scheduler.gatherer.prepare(renderer.shadows, Budget(None))
-        assert cache.sites is not None
-        table = cache.sites.values
+        assert cache.in_use.shown is not None
+        table = cache.in_use.shown.values
         values = np.random.default_rng(0).uniform(0.0, 1.0, (table.width * table.height, 3)).astype("f4")
         table.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
         view, _ = renderer.frame(gather=False)

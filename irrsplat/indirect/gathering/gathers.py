@@ -20,9 +20,9 @@ from irrsplat.indirect.gathering.change_probe import MAX_DRIFT
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import LINEAR, RecordCache
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Light, Scene
 from irrsplat.settings import SETTINGS, Settings
-from irrsplat.surface_cache.light_difference import LightDifference
+from irrsplat.surface_cache.light_difference import LightPart
 
 
 @dataclass(frozen=True)
@@ -108,14 +108,15 @@ class Gathers(Owner):
 
 
 class RecordDifference(Owner):
-    """The difference that `light` makes to the present records of a `cache`, gathered as in `basis`.
+    """The difference that changed lights of a `world` make to the present records of a `cache`, gathered as in `basis`.
 
-    held: the columns of the records before the change.
+    changed: from `changed_lights`. held: the columns of the records before the change.
     """
 
-    def __init__(self, light: LightDifference, basis: Basis, cache: RecordCache) -> None:
-        self._made = [(self.own(Gathers(part.world)), replace(basis, scene=part.world.scene)) for part in light.parts]
-        self.light = self.own(light)
+    def __init__(self, world: World, changed: tuple[list[Light], list[Light]], basis: Basis, cache: RecordCache) -> None:
+        signed = [(tuple(lights), sign) for lights, sign in zip(changed, (1.0, -1.0), strict=True) if lights]
+        self.parts = [self.own(LightPart(world, basis.settings, *part)) for part in signed]
+        self._made = [(self.own(Gathers(part.world)), replace(basis, scene=part.world.scene)) for part in self.parts]
         self.held, self._evicted = cache.records.read(*LINEAR), cache.evicted
 
     def left(self, cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
@@ -133,5 +134,5 @@ class RecordDifference(Owner):
         """Return the gather, the light and the sign of each part; side: of the gathers."""
         return [
             (gathers.gather(basis, side), part.light, part.sign)
-            for (gathers, basis), part in zip(self._made, self.light.parts, strict=True)
+            for (gathers, basis), part in zip(self._made, self.parts, strict=True)
         ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -24,8 +24,8 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Light
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.light_difference import LightDifference, changed_lights
-from irrsplat.surface_cache.site_layout import FULL, detail_for
+from irrsplat.surface_cache.light_difference import changed_lights
+from irrsplat.surface_cache.site_layout import Detail, detail_for
 from irrsplat.surface_cache.transport import BouncedLight
 
 _PLACES = "seed", "placement", "warmup"  # settings that determine the positions of records
@@ -109,7 +109,7 @@ class RecordGatherer(Owner):
         """The surface cache, made at its first use; None for fewer than two bounces."""
         if not self.basis.uses_surface_cache:
             return None
-        detail = FULL if self._measuring else detail_for(self.settings)
+        detail = Detail() if self._measuring else detail_for(self.settings)
         return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
 
     @property
@@ -215,11 +215,10 @@ class RecordGatherer(Owner):
             new = replace(new, moved=changed is None, relit=old.relit or change.changes_light, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
         self._made.drop("difference")
-        difference = None if changed is None else LightDifference(self.world, settings, changed)
-        if difference is not None:
-            self._made.get("difference", (), partial(RecordDifference, difference, new, cache))
+        if changed is not None:
+            self._made.get("difference", (), partial(RecordDifference, self.world, changed, new, cache))
         if surface is not None:
-            surface.change(settings, change, difference)
+            surface.change(settings, change, self.difference.parts if self.difference else ())
         gathered, switched = old.way != new.way, old.uses_surface_cache != new.uses_surface_cache
         if gathered or switched or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # the gather of this atlas is gone
@@ -272,35 +271,37 @@ class RecordGatherer(Owner):
         """
         surface, side = self.surface_now, max(self.settings.gather_size // 2, SIDE)
         assert surface is not None
-        gather, changes = self.gathers.gather(self.basis, side), [np.zeros((0, 3))]
-        signed = ((surface.sites, 1.0), (surface.before.shown, -1.0))
+        gather, held, changes = self.gathers.gather(self.basis, side), self.cache.records.read(*LINEAR), [np.zeros((0, 3))]
+        signed = ((surface.in_use.shown, 1.0), (surface.before.shown, -1.0))
         parts = [(gather, HitLight(shadows, surface.uniforms(table)), sign) for table, sign in signed]
-        for some in gather.batches(len(numbers), budget, times=2):
-            chosen, held = numbers[some], self.cache.records.read(*LINEAR)
-            E, _ = self._correct(chosen, held, parts)
+        for chosen, E, _ in self._corrected(numbers, held, parts, budget):
             changes.append(E.astype(float) - held["irradiance"][chosen])
         self.cache.refresh_count += 1
         return np.concatenate(changes)
 
-    def _correct(
-        self, numbers: np.ndarray, held: dict[str, np.ndarray], parts: list[tuple[Gather, HitLight, float]]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Set records of these numbers to their columns LINEAR in `held` plus the signed light of all `parts`.
+    def _corrected(
+        self, numbers: np.ndarray, held: dict[str, np.ndarray], parts: list[tuple[Gather, HitLight, float]], budget: Budget
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Set records of these numbers to their columns LINEAR in `held` plus the signed light of all `parts`, within the budget.
 
-        parts: gathers along the records' own directions, their light, and its sign. Return (N, 3) W/m², E of the records and the
-        unsigned sum of E of all parts.
+        parts: gathers along the records' own directions, their light, and its sign. Yield the numbers of each batch and (N, 3)
+        W/m², E of its records and the unsigned sum of E of all parts.
         """
-        sites, settings = self.cache.sites(numbers), self.settings
-        after, unsigned = {name: held[name][numbers] for name in LINEAR}, np.zeros((len(numbers), 3), np.float32)
-        for gather, light, sign in parts:
-            made = self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers)
-            found = made.records.read(*LINEAR)
-            after = {name: after[name] + sign * found[name] for name in LINEAR}
-            unsigned += found["irradiance"]
-        E = after["irradiance"] = np.maximum(after["irradiance"], 0.0)
-        self.cache.correct(after, numbers)
-        self.cache.column("probe")[numbers] = 0.0
-        return E, unsigned
+        settings = self.settings
+        for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
+            chosen = numbers[some]
+            after = {name: held[name][chosen] for name in LINEAR}
+            unsigned = np.zeros_like(after["irradiance"])
+            for gather, light, sign in parts:
+                sites = self.cache.sites(chosen)
+                made = self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers)
+                found = made.records.read(*LINEAR)
+                after = {name: after[name] + sign * found[name] for name in LINEAR}
+                unsigned += found["irradiance"]
+            after["irradiance"] = np.maximum(after["irradiance"], 0.0)
+            self.cache.correct(after, chosen)
+            self.cache.column("probe")[chosen] = 0.0
+            yield chosen, after["irradiance"], unsigned
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache if the records come from a file without one, since further records are to be gathered."""
@@ -318,19 +319,20 @@ class RecordGatherer(Owner):
             return True
         first, coarse = surface.result is None, surface.is_coarse
         sites = cache.sites(slice(0, cache.count))
-        follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
-        before, followed = surface.at(sites) if follows and not self._waited else None, surface.follows
+        follows = budget.limited and not first and not surface.level.complete and len(sites) and sites.triangle is not None
+        before, followed = surface.at(sites) if follows and not self._waited else None, surface.in_use.follower is not None
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         waits = budget.limited and coarse and (self._without_tree or first_records)  # the full level has virtual lights
         change = None if waits else surface.advance(shadows, part)
         if change is not None and basis.from_file is None:
             self._follow_values(surface, change, first, before, sites, followed)
-            if surface.complete:  # a moving light may have left provisional records behind
+            if surface.level.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
         if change is not None:
             self.basis = replace(self.basis, relit=self.basis.relit and not surface.current, from_file=None)
-        ready = surface.result is not None and (surface.complete if self.difference else change is not None or surface.current)
+        current = surface.level.complete if self.difference else change is not None or surface.current
+        ready = surface.result is not None and current
         self._waited = waits and ready
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
@@ -420,9 +422,7 @@ class RecordGatherer(Owner):
         """
         done, cache, side = 0, self.cache, self.settings.gather_size
         parts = difference.gathers(min(side, max(side // 2, SIDE)))
-        for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
-            chosen = numbers[some]
-            E, unsigned = self._correct(chosen, difference.held, parts)
+        for chosen, E, unsigned in self._corrected(numbers, difference.held, parts, budget):
             least, drift = np.maximum(E @ LUMINANCE, max(cache.luminance_floor, 1e-20)), cache.column("drift")[chosen]
             drift += MAX_DRIFT / _WHOLE * (unsigned @ LUMINANCE) / least
             complete = drift <= MAX_DRIFT
@@ -485,7 +485,7 @@ class RecordGatherer(Owner):
     @property
     def surface_share(self) -> float:
         """The completed share of the surface cache, 0..1; 1 where no cache is required."""
-        return 1.0 if self.surface is None else self.surface.progress
+        return 1.0 if self.surface is None else self.surface.level.progress
 
     @property
     def awaits_light(self) -> bool:
