@@ -8,6 +8,7 @@ separates the noise of the tests, and shows if records need more rays.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,20 +53,19 @@ class Check:
         return np.arange(0, len(self.sites), _AGAIN)
 
 
-@dataclass(frozen=True)
-class ErrorSums:
+class ErrorSums(NamedTuple):
     """Sums of the results of tests, in which earlier steps have less weight.
 
-    errors, count: squared differences between picture and tests, divided by the variance by which the pixels were drawn, and
+    errors, tests: squared differences between picture and tests, divided by the variance by which the pixels were drawn, and
     their number. For repeated tests: excess, the decrease of these differences with four times as many rays; rays, the squared
-    differences of both gathers; count_again, their number.
+    differences of both gathers; repeated, their number.
     """
 
     errors: float = 0.0
-    count: float = 0.0
+    tests: float = 0.0
     excess: float = 0.0
     rays: float = 0.0
-    count_again: float = 0.0
+    repeated: float = 0.0
 
     def including(self, check: Check) -> ErrorSums:
         """Return the sums with further tests."""
@@ -74,19 +74,18 @@ class ErrorSums:
         excess = errors[again] - squares(check.shown[again], check.fine) / uncertainty
         rays = squares(check.coarse[again], check.fine) / uncertainty
         sums = errors.sum(), len(errors), excess.sum(), rays.sum(), len(again)
-        before = self.errors, self.count, self.excess, self.rays, self.count_again
-        return ErrorSums(*(_KEPT * old + float(new) for old, new in zip(before, sums, strict=True)))
+        return ErrorSums(*(_KEPT * old + float(new) for old, new in zip(self, sums, strict=True)))
 
     @property
     def ratio(self) -> float:
         """The mean squared error over the mean estimated variance."""
-        mean = self.errors / max(self.count, 1.0)
-        return max(mean - self.excess / max(self.count_again, 1.0), _LEAST * mean)
+        mean = self.errors / max(self.tests, 1.0)
+        return max(mean - self.excess / max(self.repeated, 1.0), _LEAST * mean)
 
     @property
     def ray_ratio(self) -> float:
         """The mean squared error by the number of rays, over the mean estimated variance."""
-        return self.rays / max(self.count_again, 1.0)
+        return self.rays / max(self.repeated, 1.0)
 
 
 def squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:

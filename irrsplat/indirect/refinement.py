@@ -126,7 +126,7 @@ class Refiner(Owner):
             aim = max(self._given.target * check.mean, off / _AIM)
             finer = self._side(doublings + 1) > self._side(doublings)
             if finer and check.mean_uncertainty * tested.ray_ratio > _RAYS * aim**2:
-                tested, doublings = replace(tested, rays=tested.rays / GAIN), doublings + 1
+                tested, doublings = tested._replace(rays=tested.rays / GAIN), doublings + 1
             self.error = off / check.mean if check.mean > 0.0 else 0.0
             surface = gatherer.surface_now
             # the finest surface cache may be off by more than the target; then records need not be much better

@@ -16,11 +16,10 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
+from irrsplat.indirect.examine import Examination, ExaminePass, Screen, chessboard, choose, tile_side
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.indirect.hole_filling import HoleProbes
 from irrsplat.indirect.paper_scan import Scan, gather_record, read_back
-from irrsplat.indirect.site_selection import chessboard, choose
 from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState

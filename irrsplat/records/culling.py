@@ -8,8 +8,6 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
-# shares of a sphere's radius and of all distances: far more than rounding, here and on the GPU
-_SLACK = 1e-3, 1e-5
 # pixels around the view: more than the offset of antialiasing samples from pixel centres, and than the least reach of a record
 # within a closed mesh, see shaders/indirect/splat.vert
 _MARGIN = 1.6
@@ -29,8 +27,8 @@ def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, in
     else:
         radius = np.maximum(settings.a * settings.widest * cache.values[first:, 3], settings.radius_min * percent)
     radius = np.maximum(radius, _MARGIN * camera.pixel(size) * distance)
-    relative, rounding = _SLACK
-    radius = (1.0 + relative) * radius + rounding * (distance + max(map(abs, camera.eye)))
+    # a thousandth of the radius and 1e-5 of all distances are far more than rounding, here and on the GPU
+    radius = (1.0 + 1e-3) * radius + 1e-5 * (distance + max(map(abs, camera.eye)))
     return first + np.flatnonzero(_outside(offset, camera, size) <= radius)
 
 

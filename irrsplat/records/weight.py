@@ -52,14 +52,6 @@ def own_radii(columns: Mapping[str, np.ndarray], luminance_floor: float, setting
     return radii
 
 
-def record_distance(apart: np.ndarray, axis: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """Return the distance of points from records in radii. apart: p - p_k, metres; radii: (…, 2) R along `axis` and across it."""
-    along = (apart * axis).sum(-1)
-    across = np.sqrt(np.maximum((apart**2).sum(-1) - along**2, 0.0))
-    distance: np.ndarray = np.linalg.norm(np.stack([along, across], axis=-1) / np.maximum(radii, 1e-30), axis=-1)
-    return distance
-
-
 def record_weight(
     distance: np.ndarray, apart: np.ndarray, n: np.ndarray, n_k: np.ndarray, R: np.ndarray | float, in_front: bool
 ) -> np.ndarray:
@@ -116,7 +108,9 @@ def weights(columns: Mapping[str, np.ndarray], radii: np.ndarray, p: np.ndarray,
     radii: (N, 2) from `reach`.
     """
     radii, apart = radii / settings.a, p - columns["position"]
-    distance = record_distance(apart, columns["axis"], radii)
+    along = (apart * columns["axis"]).sum(-1)
+    across = np.sqrt(np.maximum((apart**2).sum(-1) - along**2, 0.0))
+    distance = np.linalg.norm(np.stack([along, across], axis=-1) / np.maximum(radii, 1e-30), axis=-1)  # in radii
     w = record_weight(distance, apart, n, columns["normal"], radii[:, 1], settings.hessian)
     return np.where(w > 1.0 / settings.a, w, 0.0)
 

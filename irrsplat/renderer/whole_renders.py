@@ -6,8 +6,7 @@ Cameras are relative to the scene's origin here, and so are the frames that come
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection
 from dataclasses import asdict, replace
 from functools import partial
 from typing import cast
@@ -117,8 +116,14 @@ class WholeRenders:
         rounds = partial(self.filled, camera, album if figures else progress, gather)
         if tiled.tile:
             check_tiled(tiled, figures)
-            with self._tiles_of(tiled.tile):
+            kept = frames.state.tile
+            self.stages.free_buffers()
+            frames.state = replace(frames.state, tile=tiled.tile)
+            try:
                 return self._in_tiles(*rounds(), progress, buffers)
+            finally:
+                self.stages.free_buffers()
+                frames.state = replace(frames.state, tile=kept)
         frame = self._whole(*rounds(), progress, buffers)
         return replace(frame, figures=album.figures(frame, camera, settings)) if figures else frame
 
@@ -147,18 +152,6 @@ class WholeRenders:
         stats |= {"records": now.records, "error": now.error}
         stats |= self.described(view.samples, frames.stops(view))
         return read(view, self.cache.read(), stats)
-
-    @contextmanager
-    def _tiles_of(self, side: int) -> Iterator[None]:
-        """Draw views in tiles of `side` pixels within the block."""
-        frames, kept = self.frames, self.frames.state.tile
-        self.stages.free_buffers()
-        frames.state = replace(frames.state, tile=side)
-        try:
-            yield
-        finally:
-            self.stages.free_buffers()
-            frames.state = replace(frames.state, tile=kept)
 
     def _in_tiles(self, done: Round, stats: Statistics, progress: OnRound | None, buffers: Collection[str] | None) -> Frame:
         """Return the frame of a round that is drawn in tiles."""

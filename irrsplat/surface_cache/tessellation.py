@@ -17,7 +17,6 @@ from irrsplat.core.vertex_layout import vertex_column
 _MAX_CELLS = 1 << 17  # beyond one for every triangle
 _SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point for all of its corners
 _SLIVER = 16  # least number of strips of a sliver, each as wide as the spacing or the sliver's shortest edge, the longer one
-_APEX = 0.25  # of a step, in the table: unit of the number of a sliver's corner
 _DENSE = 64.0  # the most cells of a triangle at first, of those by its area, where there are too many
 _FINEST = 4  # greatest number of times that steps close to lights are halved
 
@@ -76,7 +75,7 @@ def tessellate(
     parts = np.where(apex < 0, pieces**2, 2 * pieces - 1)
     row = np.concatenate([np.arange(len(p)), np.repeat(cut, parts)])  # the triangle of each row of the table
     table = np.zeros((len(row), 2), np.float32)
-    table[cut] = np.stack([-pieces - _APEX * (apex + 1), len(p) + np.cumsum(parts) - parts], axis=1)
+    table[cut] = np.stack([-pieces - 0.25 * (apex + 1), len(p) + np.cumsum(parts) - parts], axis=1)
     level = np.zeros(len(row), np.intp)
     if len(cut):
         p, normals = (np.concatenate([of, _parts(of[cut], pieces, apex, parts)]) for of in (p, normals))

@@ -28,8 +28,8 @@ from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
 from irrsplat.indirect.hole_filling import HoleFilling
 from irrsplat.indirect.splat import SplatPass
+from irrsplat.indirect.splat_buffer import UpsamplePass
 from irrsplat.indirect.temporal_filter import TemporalFilter
-from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass

@@ -8,8 +8,7 @@ import pytest
 
 from irrsplat.core.buffers import NOTHING_SEEN, SplatBuffer
 from irrsplat.gpu.target import float_texture
-from irrsplat.indirect.examine import Examination, ExaminePass, tile_side
-from irrsplat.indirect.site_selection import Chessboard, choose
+from irrsplat.indirect.examine import Chessboard, Examination, ExaminePass, choose, tile_side
 from irrsplat.settings import Settings
 from tests.support.worlds import error_scale, gbuffer_of
 
