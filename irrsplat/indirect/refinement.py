@@ -112,6 +112,7 @@ class Refiner(Owner):
         """Refine a view in steps; pause after each part: some pixels tested, some records gathered more finely, some new ones."""
         scheduler, cache, gatherer = self.scheduler, self.cache, self.scheduler.gatherer
         levels, tested, doublings, index = np.zeros(self.size[::-1], "f4"), ErrorSums(), 0, 0
+        gatherer.restore_surface(self._given.shadows, self._given.budget)  # else tests would lack its light
         surface, known = gatherer.surface_now, self._surface_error
         if surface is not None and known is not None and surface.refinements and surface.refinements == known[0]:
             surface_error = known[1]  # a view before has refined the surface cache

@@ -91,6 +91,23 @@ def test_the_surface_cache_is_refined_too(tmp_path: Path) -> None:
         assert 1e-3 * first.mean() < np.abs(off).mean() < 0.2 * first.mean()
 
 
+@pytest.mark.few_sites
+def test_records_from_a_file_are_refined_alike(tmp_path: Path) -> None:
+    """Refinement makes their surface cache first: it equals that of the records that were saved."""
+    scene, path = irrsplat.load(write_room(tmp_path)), tmp_path / "a.cache"
+    with Renderer(scene, (32, 24), **(COARSE | {"bounces": 3})) as first:
+        first.render()
+        first.save_cache(path)
+    frames = []
+    for loaded in (False, True):
+        with Renderer(scene, (32, 24), quality=5.0, **(COARSE | {"bounces": 3})) as renderer:
+            if loaded:
+                renderer.load_cache(path)
+            frames.append(renderer.render())
+    assert np.array_equal(frames[0].irradiance, frames[1].irradiance)
+    assert frames[0].stats["error"] == frames[1].stats["error"]
+
+
 def test_ctrl_c_ends_a_refinement_with_the_picture_that_there_is(renderer: Renderer) -> None:
     """Each step reports its error, which falls to the quality; after Ctrl-C it is that of the last step."""
     renderer.forget()
