@@ -62,7 +62,7 @@ def _lines(path: str, content: Content) -> list[str]:
     """Return the description of a cache file as lines of text."""
     from irrsplat.records import cache_file
 
-    records, scene, found = content.state.records, content.scene, content.state.bounces
+    records, scene, found = content.state.records, content.key.scene, content.state.bounces
     ended, stale = found["bounces_converged"], int((records["epoch"] < records["clocks"][0]).sum())
     bounces = f"{found['bounces']}" + (
         "" if ended is None else ", more would add hardly anything" if ended else ", more would add light"
@@ -77,7 +77,7 @@ def _lines(path: str, content: Content) -> list[str]:
         ("bounces", bounces),
         ("gathered by", str(found["gathered_by"])),
         ("settings", " ".join(words) or "as by default"),
-        ("made for", f"geometry {content.key.geometry[:12]}, lights {content.key.lights[:12]}"),
+        ("made for", f"geometry {scene.geometry[:12]}, lights {content.key.lights[:12]}"),
     ]
     return [path, *(f"  {line}" for line in columns(rows, left=2))]
 
@@ -113,7 +113,7 @@ def _write(path: str, content: Content, done: Merged, why: str) -> int:
     """Write the remaining records, and print their number. why: reason for the removal of the others."""
     from irrsplat.records import cache_file
 
-    cache_file.write(path, content.key, done.state, content.scene)
+    cache_file.write(path, content.key, done.state)
     count = len(done.state.records["id"])
     out(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out, {why}")
     return 0

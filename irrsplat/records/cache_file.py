@@ -33,9 +33,9 @@ _REMEDY = "remove it to have it made anew, or name another file"
 
 @dataclass(frozen=True)
 class CacheKey:
-    """Inputs of records: hashes of the geometry (with materials and sky) and of the lights, and settings by name."""
+    """Inputs of records: the stamp of the scene (with materials and sky), a hash of the lights, and settings by name."""
 
-    geometry: str
+    scene: SceneStamp
     lights: str
     settings: Mapping[str, object]
 
@@ -58,11 +58,10 @@ class CacheState:
 
 @dataclass(frozen=True)
 class Content:
-    """Content of a file: the key of its records, the records, and the stamp of their scene."""
+    """Content of a file: the key of its records, and the records."""
 
     key: CacheKey
     state: CacheState
-    scene: SceneStamp
 
     def settings(self) -> Settings:
         """Return the settings of the records; raises InputError if this version does not accept them."""
@@ -74,7 +73,7 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
     names = ["seed", "bounces", "gather", "gather_size", "light_samples", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
     lights = hashed(json.dumps([light.key for light in scene.lights]).encode())
-    return CacheKey(stamp(scene).geometry, lights, {name: getattr(settings, name) for name in names})
+    return CacheKey(stamp(scene), lights, {name: getattr(settings, name) for name in names})
 
 
 def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
@@ -85,9 +84,9 @@ def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
     return replace(state, records=records, checked=np.zeros(0, np.int64), compared=0)
 
 
-def carried_over(content: Content, scene: SceneStamp) -> CacheState:
-    """Return the records on triangles that `scene` still has, with its triangle numbers."""
-    state, present = content.state, present_triangles(content.scene, scene)
+def carried_over(content: Content, key: CacheKey) -> CacheState:
+    """Return the records on triangles that the scene of `key` still has, with its triangle numbers."""
+    state, present = content.state, present_triangles(content.key.scene, key.scene)
     triangle = np.asarray(state.records["triangle"], np.intp)
     known = triangle >= 0
     triangle = np.where(known, np.append(present, -1)[np.minimum(triangle, len(present))], -1)
@@ -96,10 +95,11 @@ def carried_over(content: Content, scene: SceneStamp) -> CacheState:
     return selected(state, np.flatnonzero(~gone)) if gone.any() else state
 
 
-def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneStamp) -> None:
+def write(path: files.Pathlike, key: CacheKey, state: CacheState) -> None:
     """Write the records atomically; raises IrrsplatError on failure."""
+    made_for = {"geometry": key.scene.geometry, "lights": key.lights, "settings": dict(key.settings)}
     about = {"bounces": dict(state.bounces), "settings": dict(state.settings), "compared": state.compared}
-    text = json.dumps({"key": asdict(key), "about": about, "scene": asdict(scene)})
+    text = json.dumps({"key": made_for, "about": about, "scene": asdict(key.scene)})
     payload = io.BytesIO()
     arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **state.records}
     np.savez(payload, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its flag allow_pickle
@@ -133,10 +133,12 @@ def read_any(path: files.Pathlike) -> Content:
     try:
         arrays = _arrays(data)
         header = json.loads(str(arrays.pop("about")))
-        made_for, about = CacheKey(**header["key"]), header["about"]
-        if not isinstance(made_for.settings, dict) or not isinstance(about["settings"], dict):
+        scene, about, made_for = SceneStamp.read(header["scene"]), header["about"], header["key"]
+        if made_for.pop("geometry") != scene.geometry:
+            raise ValueError("geometry")
+        key = CacheKey(scene, **made_for)
+        if not isinstance(key.settings, dict) or not isinstance(about["settings"], dict):
             raise ValueError("settings")
-        scene = SceneStamp.read(header["scene"])
         checked = arrays.pop(_CHECKED)
         if checked.dtype != np.int64 or checked.ndim != 1 or (np.diff(checked) <= 0).any():
             raise ValueError(_CHECKED)
@@ -145,7 +147,7 @@ def read_any(path: files.Pathlike) -> Content:
         if not 0 <= compared <= len(arrays["id"]):
             raise ValueError("compared")
         state = CacheState(arrays, dict(about["bounces"]), about["settings"], checked, compared)
-        return Content(made_for, state, scene)
+        return Content(key, state)
     except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
@@ -191,7 +193,7 @@ def _array(data: bytes) -> np.ndarray:
 
 def difference(made_for: CacheKey, requested: CacheKey) -> str:
     """Return the difference of a file's key from the requested one as a text; empty if there is none."""
-    if made_for.geometry != requested.geometry:
+    if made_for.scene.geometry != requested.scene.geometry:
         return "for another scene, other materials or another sky"
     if made_for.lights != requested.lights:
         return "for other lights"

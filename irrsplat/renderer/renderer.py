@@ -33,7 +33,6 @@ from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.lighting import gl_limits
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.records.scene_stamp import stamp
 from irrsplat.renderer import tiling
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import State
@@ -318,8 +317,7 @@ class Renderer(Tenant):
         """
         self._use()
         files.check_file(named(path))
-        scene, scheduler = self._frames.state.scene, self.scheduler
-        cache_file.write(path, cache_file.key(scene, scheduler.settings), scheduler.state(), stamp(scene))
+        cache_file.write(path, cache_file.key(self._frames.state.scene, self.scheduler.settings), self.scheduler.state())
 
     def load_cache(self, path: files.Pathlike, update: bool = False) -> str:
         """Replace the records by those of a file.
@@ -332,11 +330,11 @@ class Renderer(Tenant):
         """
         self._use()
         self._frames.leave_refinement()
-        scene, scheduler = self._frames.state.scene, self.scheduler
-        found, reason = cache_file.read(named(path), cache_file.key(scene, scheduler.settings), update)
-        scheduler.restore(cache_file.carried_over(found, stamp(scene)) if reason else found.state)
+        key = cache_file.key(self._frames.state.scene, self.scheduler.settings)
+        found, reason = cache_file.read(named(path), key, update)
+        self.scheduler.restore(cache_file.carried_over(found, key) if reason else found.state)
         if reason:
-            scheduler.cache.invalidate()
+            self.cache.invalidate()
         self.forget(records=False)
         return reason
 

@@ -15,7 +15,6 @@ from irrsplat import Renderer
 from irrsplat.records import cache_file
 from irrsplat.records.cache_file import CacheState
 from irrsplat.records.merge import merge, prune
-from irrsplat.records.scene_stamp import stamp
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, preset
 from tests.renderer.test_renderer import FAST, room
@@ -54,7 +53,7 @@ def error(state: CacheState, path: Path) -> float:
     A hundredth of the pixels, those of the greatest errors, does not count: one pixel at an edge decides a third of the sum.
     """
     scene, truth = irrsplat.load("cornell"), load_reference("cornell")
-    cache_file.write(path, cache_file.key(scene, preset(**MADE)), state, stamp(scene))
+    cache_file.write(path, cache_file.key(scene, preset(**MADE)), state)
     with Renderer(scene, (SIZE, SIZE), **MADE) as renderer:
         renderer.load_cache(path)
         E = renderer.render(gather=False, buffers=["irradiance"]).irradiance[tuple(truth.pixels.T)]
@@ -96,7 +95,7 @@ def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None
     scene, path = irrsplat.load("cornell"), tmp_path / "a.cache"
     missing = []
     for state in (done.state, cache_file.selected(whole, chance)):
-        cache_file.write(path, cache_file.key(scene, settings), state, stamp(scene))
+        cache_file.write(path, cache_file.key(scene, settings), state)
         with Renderer(scene, SIDE, **MADE) as renderer:
             renderer.load_cache(path)
             missing.append(1.0 - renderer.coverage())

@@ -100,7 +100,7 @@ def test_records_from_a_file_are_refined_alike(tmp_path: Path) -> None:
         first.save_cache(path)
     frames = []
     for loaded in (False, True):
-        with Renderer(scene, (32, 24), quality=5.0, **(COARSE | {"bounces": 3})) as renderer:
+        with Renderer(scene, (32, 24), **(COARSE | {"bounces": 3, "quality": 5.0})) as renderer:
             if loaded:
                 renderer.load_cache(path)
             frames.append(renderer.render())
