@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
+from irrsplat.core.memo import Memo
 from irrsplat.gather.spot_check import MARGIN, Spots
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import automatic_exposure, metered
@@ -31,8 +32,7 @@ class TileScreens:
 
     def __init__(self, stages: Stages) -> None:
         self.stages, self.scheduler, self.cache = stages, stages.scheduler, stages.scheduler.cache
-        self._examined: dict[tuple[int, int], tuple[int, Examination]] = {}  # by the tile; the number of records in each
-        self._examined_by: object = None  # all else that the examinations depend on
+        self._memo = Memo()
 
     def __call__(self, state: State, camera: Camera, pixel_stride: int) -> Screen:
         """Return the view for the examination, with splats at every `pixel_stride`-th pixel."""
@@ -42,36 +42,25 @@ class TileScreens:
 
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
         """Return the examination of all tiles. A tile that no new record reaches keeps its last result."""
-        inputs = camera, state.view_subject, state.tile, stride, settings, self.cache.revision
-        if self._examined_by != inputs:
-            self._examined, self._examined_by = {}, inputs
+        cache, count = self.cache, self.cache.count if settings.most_bounces > 0 else 0
+        inputs = camera, state.view_subject, state.tile, stride, settings, cache.revision
+        held: dict[Part, tuple[int, Examination]] = self._memo.get("examined", inputs, dict)  # with the number of its records
         cells = tile_count(state.size, stride)
         step = tile_side(state.size, stride) * stride  # pixels, of a tile of the examination
         across, up = (min(max(1, state.tile // step), n) for n in cells)
-        whole: Examination | None = None
+        whole: dict[str, np.ndarray] = {}
         for column, row in _grid(cells, (across, up)):
             part = Part(state.size, (column * step, row * step), (across * step, up * step))
-            found = self._examine_part(state, part_of(camera, part), part, stride, settings, (column, row))
-            arrays = vars(found).items()
-            whole = whole or Examination(**{name: np.zeros((*cells[::-1], *of.shape[2:]), of.dtype) for name, of in arrays})
-            wide, high = min(across, cells[0] - column), min(up, cells[1] - row)
-            for name, values in vars(whole).items():
-                # rows run down
-                there = getattr(found, name)[::-1][:high, :wide]
-                values[::-1][row : row + high, column : column + wide] = there
-        assert whole is not None
-        return whole
-
-    def _examine_part(
-        self, state: State, camera: Camera, part: Part, stride: int, settings: Settings, tile: tuple[int, int]
-    ) -> Examination:
-        """Return the examination of one part of the picture."""
-        (before, found), cache = self._examined.get(tile, (0, None)), self.cache
-        if found is None or len(reaching(cache, before, camera, part.size, settings)):
-            here = replace(state, size=part.size)
-            found = self.scheduler.examined(*_splatted(self.stages, here, camera, stride), settings, part)
-        self._examined[tile] = cache.count if settings.most_bounces > 0 else 0, found
-        return found
+            seen, (before, found) = part_of(camera, part), held.get(part, (0, None))
+            if found is None or len(reaching(cache, before, seen, part.size, settings)):
+                here = replace(state, size=part.size)
+                found = self.scheduler.examined(*_splatted(self.stages, here, seen, stride), settings, part)
+            held[part] = count, found
+            for name, values in vars(found).items():
+                whole_of = whole.setdefault(name, np.zeros((*cells[::-1], *values.shape[2:]), values.dtype))
+                there = whole_of[::-1][row : row + up, column : column + across]  # rows run down
+                there[:] = values[::-1][: there.shape[0], : there.shape[1]]
+        return Examination(**whole)
 
     def _spots(self, state: State, camera: Camera) -> Spots:
         """Return the places of all tiles for a spot check."""

@@ -38,7 +38,7 @@ from irrsplat.lighting.virtual_lights import VirtualLightPasses
 from irrsplat.records.adaptive_radius import RadiusLimitPass
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Image, Light, Material, Texture
-from irrsplat.surface_cache.view import SurfaceViewPass
+from irrsplat.surface_cache.cache import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.gather.test_analytic import LIGHTS
 from tests.renderer.test_renderer import SIZE
