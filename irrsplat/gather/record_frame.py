@@ -38,8 +38,7 @@ def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarra
     inward = triangle.mean(1) - sites.position
     length = np.linalg.norm(inward, axis=1)
     share = np.clip(offset - apart.min(1), 0.0, 0.5 * length) / np.maximum(length, 1e-30)
-    inside: np.ndarray = above + inward * share[:, None]
-    return inside
+    return np.asarray(above + inward * share[:, None])
 
 
 def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
@@ -71,22 +70,19 @@ def sample_offsets(number: np.ndarray, seed: int) -> np.ndarray:
     Numbers that follow each other share the unit square evenly (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
     Sequences").
     """
-    offsets: np.ndarray = np.modf((number[:, None] + 1.0) * np.array(SQUARE_STEPS) + seed * np.sqrt([2.0, 3.0]))[0]
-    return offsets
+    return np.asarray(np.modf((number[:, None] + 1.0) * np.array(SQUARE_STEPS) + seed * np.sqrt([2.0, 3.0]))[0])
 
 
 def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
     """Return (R,), the index of the eye position of each texel of a cell (width, height), row by row, as in
     shaders/gather/places.glsl."""
     x, y = np.meshgrid(np.arange(cell[0]), np.arange(cell[1]))
-    numbers: np.ndarray = ((x + 2 * y) % places).ravel()
-    return numbers
+    return ((x + 2 * y) % places).ravel()
 
 
 def rows_of_places(numbers: np.ndarray, places: int) -> np.ndarray:
     """Return (N·places,) the rows of the places of records of these numbers (N,), in a list with all places of each record."""
-    rows: np.ndarray = (places * numbers[:, None] + np.arange(places)).ravel()
-    return rows
+    return (places * numbers[:, None] + np.arange(places)).ravel()
 
 
 def atlas_grid(cell: tuple[int, int], requested: int | None, limit: int) -> tuple[int, int]:

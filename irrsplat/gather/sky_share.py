@@ -103,5 +103,4 @@ class SkyShares(Owner):
             for here, there in ((np.s_[:, k:], np.s_[:, :-k]), (np.s_[:, :-k], np.s_[:, k:])):
                 any_around[here] |= some[there]
                 all_around[here] &= all_of_them[there]
-        mixed: np.ndarray = any_around & ~all_around
-        return mixed
+        return np.asarray(any_around & ~all_around)

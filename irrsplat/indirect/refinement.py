@@ -251,5 +251,4 @@ def _finer_by(uncertainty: np.ndarray) -> np.ndarray:
     # the error is about proportional to the square of the reach, so that a level halves the error
     more = np.clip(0.5 * np.log2(np.maximum(uncertainty, 1e-30) / limit), 0.0, _STEP)
     around = round(blur_of(len(uncertainty)))
-    finer: np.ndarray = ndimage.gaussian_filter(ndimage.maximum_filter(more, 2 * around + 1), around)
-    return finer
+    return np.asarray(ndimage.gaussian_filter(ndimage.maximum_filter(more, 2 * around + 1), around))

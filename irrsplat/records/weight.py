@@ -28,8 +28,7 @@ def record_uniforms(settings: Settings) -> Uniforms:
 def error_scale(Y: np.ndarray, luminance_floor: float) -> np.ndarray:
     """Return (N,) W/m²: the luminance that errors are relative to, where the luminance is Y (N,), as in error_scale.glsl."""
     bright = BRIGHT * luminance_floor if luminance_floor > 0.0 else 1e30
-    found: np.ndarray = np.where(bright < Y, np.sqrt(bright * np.maximum(Y, 0.0)), np.maximum(Y, max(luminance_floor, 1e-20)))
-    return found
+    return np.asarray(np.where(bright < Y, np.sqrt(bright * np.maximum(Y, 0.0)), np.maximum(Y, max(luminance_floor, 1e-20))))
 
 
 def own_radii(columns: Mapping[str, np.ndarray], luminance_floor: float, settings: Settings) -> np.ndarray:

@@ -151,8 +151,7 @@ class Renderer(Tenant):
         """
         self._use_whole()
         gbuffer = self.draw_gbuffer(self.scene.camera(camera))
-        found: np.ndarray = pixels(self.stages.direct_irradiance(self._frames.state, gbuffer))[..., :3].copy()
-        return found
+        return pixels(self.stages.direct_irradiance(self._frames.state, gbuffer))[..., :3].copy()
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:
         """Return the direct irradiance at every pixel of the present `view`, W/m²: a texture."""

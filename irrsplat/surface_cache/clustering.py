@@ -38,8 +38,7 @@ def both_sides(tessellation: Tessellation, outer: np.ndarray, inner: np.ndarray)
 
 def eyes(members: Sites, at: np.ndarray | slice, offset: float) -> np.ndarray:
     """Return (N, 3) metres, points above the members `at` (N,) by the `offset` of a record's eye."""
-    above: np.ndarray = members.position[at] + np.float32(offset) * members.geometric[at]
-    return above
+    return members.position[at] + np.float32(offset) * members.geometric[at]
 
 
 def voxel_keys(
@@ -58,8 +57,7 @@ def voxel_keys(
     a, b, c = (sum(n * share for n, share in zip(normal, column, strict=True)) for column in _ROTATION.T.astype(np.float32))
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
-    key: np.ndarray = (np.asarray(within, np.int64) << _WITHIN) | (((x << 19 | y) << 19 | z) << 8) | level << 5 | face
-    return key
+    return np.asarray((np.asarray(within, np.int64) << _WITHIN) | (((x << 19 | y) << 19 | z) << 8) | level << 5 | face)
 
 
 def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
@@ -85,8 +83,7 @@ def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[n
 def _by_mesh(keys: np.ndarray, mesh: np.ndarray) -> np.ndarray:
     """Return (M,) numbers that are equal for equal `keys` (M,) of one `mesh` (M,)."""
     _, number = np.unique(keys, return_inverse=True)
-    numbers: np.ndarray = number.ravel() * (int(mesh.max(initial=0)) + 1) + mesh
-    return numbers
+    return np.asarray(number.ravel() * (int(mesh.max(initial=0)) + 1) + mesh)
 
 
 def choose_sites(keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int) -> Choice:
@@ -138,8 +135,7 @@ class Clusters:
     @property
     def within(self) -> np.ndarray:
         """(M,) True for the inner sides of closed meshes."""
-        found: np.ndarray = self.keys >> _WITHIN == 1
-        return found
+        return np.asarray(self.keys >> _WITHIN == 1)
 
     @property
     def min_area(self) -> float:

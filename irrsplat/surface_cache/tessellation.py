@@ -123,8 +123,7 @@ def tessellate(
 
 def _edges(p: np.ndarray) -> np.ndarray:
     """Return (3, F) the edges of triangles `p` (F, 3, 3): from each corner to the next."""
-    edges: np.ndarray = np.sqrt([np.einsum("fx,fx->f", e, e) for e in (p[:, (k + 1) % 3] - p[:, k] for k in range(3))])
-    return edges
+    return np.sqrt([np.einsum("fx,fx->f", e, e) for e in (p[:, (k + 1) % 3] - p[:, k] for k in range(3))])
 
 
 def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> np.ndarray:
@@ -133,8 +132,7 @@ def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> 
     step = spacing.copy()
     for *place, size in () if lights is None else lights:
         np.minimum(step, np.sqrt(squares_from_boxes(low, high, place)) + size, out=step)
-    halvings: np.ndarray = np.minimum(np.ceil(np.log2(spacing / np.maximum(step, 1e-30))), _FINEST).astype(np.intp)
-    return halvings
+    return np.asarray(np.minimum(np.ceil(np.log2(spacing / np.maximum(step, 1e-30))), _FINEST).astype(np.intp))
 
 
 def _strips(longest: np.ndarray, width: np.ndarray) -> np.ndarray:
@@ -145,8 +143,7 @@ def _strips(longest: np.ndarray, width: np.ndarray) -> np.ndarray:
     while True:
         strips = np.ceil(longest / width)
         if 2.0 * strips[strips >= _SLIVER].sum() <= _MAX_CELLS:
-            found: np.ndarray = strips.astype(np.intp)
-            return found
+            return np.asarray(strips.astype(np.intp))
         width = 1.25 * width
 
 
@@ -166,16 +163,14 @@ def _parts(corners: np.ndarray, n: np.ndarray, apex: np.ndarray, counts: np.ndar
     share = np.stack([n[of][:, None] - i - j, i, j], axis=-1) / n[of][:, None, None]
     turned = (np.arange(3) - np.maximum(apex, 0)[of, None]) % 3
     share = np.take_along_axis(share, turned[:, None], axis=-1)
-    parts: np.ndarray = np.einsum("pck,pkx->pcx", share.astype(np.float32), corners[of])
-    return parts
+    return np.asarray(np.einsum("pck,pkx->pcx", share.astype(np.float32), corners[of]))
 
 
 def _inset(p: np.ndarray, inset: float) -> np.ndarray:
     """Return (N, 3, 3) the corners `p` of triangles, moved by `inset` metres towards their mean, at most half of the way."""
     inward = p.mean(1, keepdims=True) - p
     length = np.linalg.norm(inward, axis=-1, keepdims=True)
-    moved: np.ndarray = p + inward * np.minimum(inset / np.maximum(length, 1e-30), 0.5)
-    return moved
+    return np.asarray(p + inward * np.minimum(inset / np.maximum(length, 1e-30), 0.5))
 
 
 def steps(p: np.ndarray, longest: np.ndarray, spacing: float | np.ndarray) -> np.ndarray:

@@ -102,8 +102,7 @@ def _decay(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray
     # no BLAS: it shares so little out to all processors, and waits a thousand times as long where others keep these busy
     means, squares = ([np.einsum("s,sc->c", area, (term**power).astype(float)) for term in (before, last)] for power in (1, 2))
     ratios = [after / np.maximum(one, 1e-300) for one, after in (means, squares)]
-    decay: np.ndarray = np.maximum(ratios[0], np.sqrt(ratios[1]))
-    return decay
+    return np.asarray(np.maximum(ratios[0], np.sqrt(ratios[1])))
 
 
 def _remainder(before: np.ndarray, last: np.ndarray, decay: np.ndarray) -> np.ndarray:
@@ -114,8 +113,7 @@ def _remainder(before: np.ndarray, last: np.ndarray, decay: np.ndarray) -> np.nd
     """
     r = np.divide(last, before, out=np.broadcast_to(decay, last.shape).astype(np.float32), where=before > 0.0)
     r = np.minimum(r, decay)
-    remainder: np.ndarray = (last * r / (1.0 - r)).astype(np.float32)
-    return remainder
+    return np.asarray((last * r / (1.0 - r)).astype(np.float32))
 
 
 def _share(remainder: np.ndarray, total: np.ndarray) -> float:

@@ -42,8 +42,7 @@ def correction(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.
     ratio[:, 4:] = np.tile(np.repeat(ratio[:, E], 3, axis=1), 2)
     x = ratio * x + (new - ratio * old)
     x[:, q] = 1.0 / np.maximum(x[:, q], 1e-30)
-    corrected: np.ndarray = x.astype(np.float32)
-    return corrected
+    return np.asarray(x.astype(np.float32))
 
 
 def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.ndarray:

@@ -127,8 +127,7 @@ class RecordDifference(Owner):
         if cache.evicted != self._evicted:  # numbers have changed
             return numbers[:0]
         there = numbers[numbers < len(self.held["irradiance"])]
-        left: np.ndarray = there[cache.column("drift")[there] <= MAX_DRIFT]
-        return left
+        return np.asarray(there[cache.column("drift")[there] <= MAX_DRIFT])
 
     def gathers(self, side: int) -> list[tuple[Gather, HitLight, float]]:
         """Return the gather, the light and the sign of each part; side: of the gathers."""
