@@ -12,10 +12,7 @@ from irrsplat.settings import Settings
 
 LARGE = 1 << 22  # pixels, size from which a picture's memory is checked
 PICTURE = frozenset(("image", "alpha"))
-_BESIDE = 450_000_000  # bytes for gathers, surface cache, shadow maps and records, independent of the size
 _READING = 28  # bytes a pixel, while one more buffer is read
-_WRITING = 6  # bytes a pixel, while a .png is written
-_AROUND = 1.25  # drawn side of a tile, in tile sides
 _GROUPS = (  # files of a container: limit and usage
     ("memory.max", "memory.current"),
     ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
@@ -45,11 +42,12 @@ def shortage(
     arrays = 4 * sum(CHANNELS[name].components for name in names)
     pixel = view_bytes(scene, settings) if software else 0
     if tile:
-        drawn = min(_AROUND * tile, max(size)) ** 2  # with the margin of a tile
-        need = size[0] * size[1] * (arrays + _WRITING) + int(drawn) * (2 * pixel + _READING)
+        drawn = min(1.25 * tile, max(size)) ** 2  # with the margin of a tile
+        # 6 bytes a pixel while a .png is written
+        need = size[0] * size[1] * (arrays + 6) + int(drawn) * (2 * pixel + _READING)
     else:
         need = size[0] * size[1] * (pixel + arrays + (0 if PICTURE.issuperset(names) else _READING))
-    need += _BESIDE if software else 0
+    need += 450_000_000 if software else 0  # for gathers, surface cache, shadow maps and records, at any size
     free = available()
     if size[0] * size[1] < LARGE or free is None or need <= free:
         return ""
