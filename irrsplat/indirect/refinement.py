@@ -31,6 +31,7 @@ from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.view_state import Phase, ViewState
 from irrsplat.scene.model import Camera
+from irrsplat.settings import SETTINGS
 
 _STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
 _WORTH = 1.2  # times the error of the finest surface cache: an error that more records hardly reduce
@@ -39,7 +40,6 @@ LAST = 40  # steps
 _LEAVE = 0.8  # of the picture's error: pixels with less are not refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
 _STEP = 2.0  # levels at once
-_FINEST = 256  # side of the finest gather
 _RAYS = 2.0  # of the squared target error: the greatest ray noise of a record, since several contribute to a pixel
 _AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
 
@@ -160,7 +160,7 @@ class Refiner(Owner):
     def _side(self, doublings: int) -> int:
         """Return the side of a gather after so many doublings of the settings' side."""
         least = self.scheduler.settings.gather_size
-        return int(min(least * 2**doublings, max(_FINEST, least)))
+        return int(min(least * 2**doublings, SETTINGS["gather_size"].high or least))
 
     def _splatted(self, camera: Camera, index: int, reach: moderngl.Texture | None) -> Steps[SplatBuffer]:
         """Return the sums of all records in one of the two buffers; pause while input waits."""
