@@ -258,6 +258,14 @@ def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> Non
     assert not last(np.outer([1.0, 0.0], [1.0] * 3), doorway, np.ones(2)).converged
 
 
+def test_a_tent_on_sunlit_ground_has_all_its_bounces() -> None:
+    """E = E_1/(1 - 0.6) in the tent. The ground is larger and brighter, has more sites, and its light ends after a bounce."""
+    tent = np.repeat([True, False], [6, 40])
+    F = np.where(tent[:, None] & tent, 0.6 / 6, np.where(tent[:, None] | tent, 0.0, 0.02 / 40))
+    E_1, area = np.outer(np.where(tent, 1.0, 5.0), [1.0] * 3), np.where(tent, 1.0, 1000.0)
+    assert last(E_1, by_rows(F), area).irradiance[tent] == pytest.approx(1.0 / (1.0 - 0.6), rel=0.05)
+
+
 def test_as_many_bounces_as_are_asked_for() -> None:
     transport, E_1, area = closed(20, 0.8)
     F = dense(transport)[0].astype(float)
