@@ -27,7 +27,7 @@ from irrsplat.surface_cache.clustering import Choice, Clusters
 from irrsplat.surface_cache.tessellation import tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
-POINTS = 2000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
+POINTS = 4000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
 SKY_VALUE, DARK_VALUE = 0, 1  # numbers of the values of members that see only the sky, and of members without light
 FIRST_SITE = 2  # number of the first gathered value
 _ROUNDS = 4  # rounds of clustering; members that do not see their cluster's site form clusters in the next round
@@ -54,12 +54,14 @@ class Detail:
     """The density of a surface cache: its share of the sites, and of the rays of each site.
 
     level: -1 for a coarse level, 0 for the level of the settings, more for finer levels. most: the greatest number of sites.
+    fewest: its share of the least number of sites, which carry all light behind a corner.
     """
 
     points: float = 1.0
     rays: float = 1.0
     level: int = 0
     most: int = 1 << 15
+    fewest: float = 1.0
 
     def refined(self, level: int) -> Detail:
         """Return the density of a finer level, with twice the sites of the level before. Their transport takes some 80 MB."""
@@ -68,7 +70,7 @@ class Detail:
 
 # 15 % of the rays: its light at pixels is 8, 14 and 13 % off in cornell, door and atrium. With half as many sites at most, the
 # error is twice as large, for a tenth of the time
-COARSE = Detail(0.15, 1.0, -1, 4000)
+COARSE = Detail(0.15, 1.0, -1, 4000, 0.5)
 MAX_LEVEL = 2  # the finest level, whose tables take some hundred megabytes
 _FINE = 64  # side of a gather from which the surface cache is full
 _LEAST = 0.2  # of the sites, however few rays a gather has
@@ -140,7 +142,7 @@ class SiteChooser:
         places = _interesting(self.scene)
         rooms = yield from self._rooms(places)
         vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms))
-        points = float(np.clip(len(faces), *POINTS)) * self.detail.points
+        points = float(np.clip(len(faces), self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         return (yield from in_background(partial(self._cut, vertices, faces, spacing, wider)))
 
