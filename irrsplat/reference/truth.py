@@ -16,10 +16,9 @@ from irrsplat.image.frame import Frame
 from irrsplat.reference import disk_cache, worker
 from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.settings import preset
 
 VERSION = 7  # of content and method; older files in the cache are ignored
-MOST_BOUNCES = preset(bounces="all").most_bounces  # a surface of reflectance ρ contributes ρ^N of the first bounce after N
+MOST_BOUNCES = 1024  # a room of reflectance 0.99 has 3e-5 of its light beyond them; paths end earlier by Russian roulette
 MOST_SAMPLES = 131_072  # limits the memory of samples in flight
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
 SAMPLES = 2048  # rays of each kind per pixel
