@@ -6,7 +6,7 @@ EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -246,6 +246,11 @@ class Sites:
     def frame_rotations(self, numbers: np.ndarray) -> np.ndarray:
         """Return (N,) seeds of the frames' rotations, for records with these `numbers` (N,)."""
         return numbers if self.frame_rotation is None else self.frame_rotation
+
+    def seen(self, eye: Sequence[float], measure: float) -> Sites:
+        """Return the sites with `screen`, for a view from `eye` whose image is `measure` metres high at distance 1."""
+        distance = np.linalg.norm(self.position - np.asarray(eye, "f4"), axis=1)
+        return replace(self, screen=measure * distance)
 
     def __getitem__(self, rows: slice | np.ndarray) -> Sites:
         columns = (getattr(self, one.name) for one in fields(Sites))

@@ -14,7 +14,7 @@ from contextlib import nullcontext
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
-from irrsplat.gather.record_frame import eye_positions, offset_of, tangent_frames
+from irrsplat.gather.record_frame import eye_heights, eye_positions, offset_of, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, float_texture, table_texture, uneven
@@ -56,8 +56,12 @@ class Gather(Owner):
 
     @property
     def offset(self) -> float:
-        """Height of a record's eye above its surface, metres."""
+        """Greatest height of a record's eye above its surface, metres."""
         return offset_of(self.world.scene)
+
+    def heights(self, sites: Sites) -> np.ndarray:
+        """Return (N,) metres: the height of each site's eye above its surface, at most the offset."""
+        return eye_heights(sites, self.world.scene)
 
     def steps(self, sites: Sites) -> np.ndarray:
         """Return (N,) metres: distance of each site's additional eyes for next-event estimation.
@@ -102,7 +106,7 @@ class Gather(Owner):
         rows[:3, :, :3] = frame.swapaxes(0, 1)
         rows[2, :, 3] = -1.0 if sites.triangle is None else sites.triangle
         rows[3, :, :3], rows[3, :, 3] = np.einsum("nij,nj->ni", frame, sites.geometric), numbers
-        rows[4, :, :3] = eye_positions(sites, self.world.geometry.corners, self.offset)
+        rows[4, :, :3] = eye_positions(sites, self.world.geometry.corners, self.heights(sites))
         return rows
 
     @abstractmethod

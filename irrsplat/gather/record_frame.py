@@ -12,23 +12,30 @@ from irrsplat.scene.model import Scene
 
 OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: greatest height of a record's eye above its surface
 _LEAST = 1e-6  # of the diagonal: least height, ten times the rounding of float32
+_ON_SCREEN = 5e-4  # of the image height, half a pixel: greatest height, so that eyes lie in no small object on a large ground
 PLACES = 8  # eye positions of a gather that has several
 FEW_RAYS = 1 << 16  # rays of one batch of gathers along few rays, at most: a larger atlas takes long to make
 _TEXELS = 1 << 20  # of an atlas at most: two RGBA32F textures of 16 MiB, and 4 MiB for a depth buffer
 
 
 def offset_of(scene: Scene) -> float:
-    """Return the height of a record's eye above its surface, metres: equal on a large ground and in the house on this ground."""
+    """Return the greatest height of an eye above its surface, metres: equal on a large ground and in the house on this ground."""
     return max(min(OFFSET[0] * scene.diagonal, OFFSET[1]), _LEAST * scene.diagonal)
 
 
-def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:
-    """Return (N, 3), the eye positions: `offset` metres above the surface, and at least as far within the triangle.
+def eye_heights(sites: Sites, scene: Scene) -> np.ndarray:
+    """Return (N,) metres: the heights of the sites' eyes above their surfaces."""
+    offset, screen = offset_of(scene), np.zeros(len(sites)) if sites.screen is None else sites.screen.astype(float)
+    return np.where(screen > 0.0, np.clip(_ON_SCREEN * screen, _LEAST * scene.diagonal, offset), offset)
+
+
+def eye_positions(sites: Sites, corners: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Return (N, 3), the eye positions: `heights` (N,) metres above the surface, and at least as far within the triangle.
 
     A site on the very edge of a wall therefore sees the wall. corners: (F, 3, 3) of the scene's triangles. A site far enough from
     the edges stays in place: on a large triangle, a move towards the middle might cross a sheet that stands there.
     """
-    above: np.ndarray = sites.position + offset * sites.geometric.astype(float)
+    above: np.ndarray = sites.position + heights[:, None] * sites.geometric.astype(float)
     if sites.triangle is None:
         return above
     triangle = corners[sites.triangle].astype(float)
@@ -37,7 +44,7 @@ def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarra
     apart = np.linalg.norm(across, axis=-1) / np.maximum(np.linalg.norm(sides, axis=-1), 1e-30)  # distance from each edge
     inward = triangle.mean(1) - sites.position
     length = np.linalg.norm(inward, axis=1)
-    share = np.clip(offset - apart.min(1), 0.0, 0.5 * length) / np.maximum(length, 1e-30)
+    share = np.clip(heights - apart.min(1), 0.0, 0.5 * length) / np.maximum(length, 1e-30)
     return np.asarray(above + inward * share[:, None])
 
 

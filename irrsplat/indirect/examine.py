@@ -92,6 +92,10 @@ class Screen:
     gbuffer: GBuffer | None = None
     splats: SplatBuffer | None = None
 
+    def requested(self, sites: Sites) -> Sites:
+        """Return the sites as requested by this view."""
+        return sites.seen(self.camera.eye, self.camera.measure(self.size))
+
 
 class ExaminePass(Owner):
     """A pass that finds the pixels of a view that request a record."""

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
+from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.vectors import along_a_way
 from irrsplat.gather.spot_check import SIDES, PlacesChecked, SpotCheck, SpotPass, Spots
@@ -144,7 +144,7 @@ class RecordScheduler(Owner):
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
             sites, near = view.queue
-            new = self.gatherer.gather(shadows, _requested_by(sites, screen), budget, side, near)
+            new = self.gatherer.gather(shadows, screen.requested(sites), budget, side, near)
             view = replace(view, queue=Queue(sites[new:], near) if new < len(sites) else None)
             complete = view.queue is None
 
@@ -278,7 +278,7 @@ class RecordScheduler(Owner):
         with self.timers("gather" if scan.warmed < self.settings.warmup else "examine"):
             sites, values, missing, complete = scan.advance(weight, record, room, budget, screen.camera, self.settings)
         if len(sites):
-            self.cache.append(_requested_by(sites, screen), values)
+            self.cache.append(screen.requested(sites), values)
         return replace(view, need=Need(missing, of=of)), len(sites), complete
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
@@ -302,9 +302,3 @@ class RecordScheduler(Owner):
         self.adaptation.accept(state.settings, state.compared)
         self._checked = PlacesChecked(state.checked, self.cache.count)
         self.gatherer.resume_with(state.bounces)
-
-
-def _requested_by(sites: Sites, screen: Screen) -> Sites:
-    """Return `sites` as requested by a view."""
-    distance = np.linalg.norm(sites.position - np.asarray(screen.camera.eye, "f4"), axis=1)
-    return replace(sites, screen=screen.camera.measure(screen.size) * distance)

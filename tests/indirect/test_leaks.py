@@ -34,7 +34,7 @@ from tests.support.leaky import (
     table,
     truth,
 )
-from tests.support.worlds import box, floor, point_light, quad, scene
+from tests.support.worlds import box, floor, point_light, quad, scene, sphere
 
 SMALL = (100, 75)
 LIT = (camera((-0.3, 1.2, 1.6), (-3.5, 0.8, -1)), camera((-3.6, 1.6, 1.6), (0, 0.4, -0.5)))
@@ -82,11 +82,23 @@ def test_a_record_has_its_eye_on_its_own_side_of_a_sheet() -> None:
     floor = np.array([[[-4.0, 0, 2], [4, 0, 2], [4, 0, -2]]])
     position = np.array([[0.0005, 0, 1], [3.0, 0, 2], [4, 0, 2]])
     up = np.tile([0.0, 1, 0], (3, 1))
-    moved = eye_positions(Sites(position, up, up, np.zeros(3, int)), floor, 0.001) - position
+    moved = eye_positions(Sites(position, up, up, np.zeros(3, int)), floor, np.full(3, 0.001)) - position
     assert np.allclose(moved[:, 1], 0.001)
     assert np.allclose(moved[0, [0, 2]], 0.0)
     assert np.allclose(np.linalg.norm(moved[1:, [0, 2]], axis=1), 0.001)
     assert moved[1, 2] < 0.0 and (moved[2, [0, 2]] < 0.0).all()
+
+
+def test_a_ball_on_a_large_ground_has_no_black_contact(ctx: moderngl.Context) -> None:
+    """The ground outside of the view hardly changes a pixel, but its size determines the height of eyes, up to 2.5 mm.
+
+    Such eyes lie within the ball of 5 mm, or below the ground.
+    """
+    seen = camera((0.02, 0.014, 0.03), (0.0, 0.003, 0.0))
+    worlds = (scene(floor(half), sphere((0.0, 0.005, 0.0), 0.005), sky=1.0) for half in (0.5, 50.0))
+    small, large = (look(ctx, world, [seen], "embree", SMALL)[0].irradiance.mean(-1) for world in worlds)
+    assert np.abs(large - small)[small > 0.0].max() < 0.3 * small.mean(), "small: 0 where its ground ends"
+    assert large[small > 0.3].min() > 0.15
 
 
 def floor_near(far: Callable[[np.ndarray], np.ndarray], most: float) -> Callable[[Look], np.ndarray]:
