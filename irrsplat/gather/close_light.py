@@ -33,6 +33,7 @@ class CloseLight(Owner):
         self,
         light: HitLight,
         rows: np.ndarray,
+        sites: Sites,
         rotations: np.ndarray,
         planes: np.ndarray,
         rays: np.ndarray,
@@ -42,8 +43,8 @@ class CloseLight(Owner):
         """Return (N, 2) luminances in W/m²: mean E at the close hits of N records, and its part by close values of the surface
         cache; that is -1 for records with few close hits.
 
-        rows: (5, N, 4) of Atlas.frames. rotations: (N,) seeds of the frames. planes: (N, R, 4) of Atlas.planes. rays: (4, R)
-        directions in a frame, and cosθ·dω. triangles: (N, R) of the hits, if known.
+        rows: (5, N, 4) of Atlas.frames, for records at these `sites`. rotations: (N,) seeds of the frames. planes: (N, R, 4) of
+        Atlas.planes. rays: (4, R) directions in a frame, and cosθ·dω. triangles: (N, R) of the hits, if known.
         """
         above = np.einsum("nk,kr->nr", rows[3, :, :3], rays[:3]) > 0.0  # @ would start threads of OpenBLAS, which then spin
         pair = np.maximum(planes[..., 3], 0.0)
@@ -60,7 +61,8 @@ class CloseLight(Owner):
             place = rows[4, record, :3] + along / np.einsum("nx,nx->n", plane, along)[:, None]
             facing = -plane / np.linalg.norm(plane, axis=1, keepdims=True)
             triangle = None if triangles is None else triangles[record, texel]
-            eyes = Sites(place, facing, facing, triangle, rotations[record] * rays.shape[1] + rank)
+            turned = rotations[record] * rays.shape[1] + rank
+            eyes = Sites(place, facing, facing, triangle, turned, None if sites.screen is None else sites.screen[record])
             values[some] = self._means(light, eyes, gathers[some], seed)
         return values
 

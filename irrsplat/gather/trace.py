@@ -141,7 +141,7 @@ class TraceGather(Gather):
         close = None
         if self._close_light is not None:
             (planes,) = self._read((1,), count)
-            found = self._close_hits()(light, rows, sites.frame_rotations(numbers), planes, self._rays, hits, seed)
+            found = self._close_hits()(light, rows, sites, sites.frame_rotations(numbers), planes, self._rays, hits, seed)
             self._close_light.write(found.tobytes(), viewport=(0, 0, count, 1))
             close = {**(light.surface or {}), "close_light": self._close_light}
         return replace(atlas, count=count, light_samples=samples, sky_share=sky_share, close_light=close)

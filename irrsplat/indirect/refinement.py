@@ -119,7 +119,7 @@ class Refiner(Owner):
         else:
             surface_error = yield from self._light(camera, 0.0)
         for step in range(LAST + 1):
-            check = yield from self._test(step, doublings)
+            check = yield from self._test(camera, step, doublings)
             if check is None:
                 return
             tested = tested.including(check)
@@ -198,7 +198,7 @@ class Refiner(Owner):
         yield
         return error
 
-    def _test(self, step: int, doublings: int) -> Steps[Check | None]:
+    def _test(self, camera: Camera, step: int, doublings: int) -> Steps[Check | None]:
         """Gather at random pixels, as finely as the records of the picture, and some more finely. Return None without pixels."""
         gatherer, cache = self.scheduler.gatherer, self.cache
         seen = read_back(self._given.gbuffer)
@@ -213,9 +213,10 @@ class Refiner(Owner):
         while (check := self._given.budget.advance(drawing)) is None:
             yield
         first, done, side = cache.count, 0, self._side(doublings)
+        sites = check.sites.seen(camera.eye, camera.measure(self.size))
         yield
-        while done < len(check.sites):
-            done += gatherer.gather(self._given.shadows, check.sites[done:], self._given.budget, side)
+        while done < len(sites):
+            done += gatherer.gather(self._given.shadows, sites[done:], self._given.budget, side)
             yield
         coarse, done = cache.values[first:, :3].astype(float), 0
         again, side = check.again, self._side(doublings + 1)

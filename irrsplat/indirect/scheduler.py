@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
+from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.vectors import along_a_way
 from irrsplat.gather.spot_check import SIDES, PlacesChecked, SpotCheck, SpotPass, Spots
@@ -273,7 +273,11 @@ class RecordScheduler(Owner):
         view = replace(view, scan=scan, full=not room)
         if not room:
             return replace(view, need=self.need(screen)), 0, True
-        record = partial(gather_record, self.gatherer.gather_pass, self.gatherer.light(shadows))
+        gather, light = self.gatherer.gather_pass, self.gatherer.light(shadows)
+
+        def record(site: Sites) -> np.ndarray:
+            return gather_record(gather, light, screen.requested(site))
+
         weight = pixels(splats.weight)[..., 0]
         with self.timers("gather" if scan.warmed < self.settings.warmup else "examine"):
             sites, values, missing, complete = scan.advance(weight, record, room, budget, screen.camera, self.settings)

@@ -7,6 +7,7 @@ scenes, records lie close on both sides of thin objects, in one cache for all vi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -89,14 +90,15 @@ def test_a_record_has_its_eye_on_its_own_side_of_a_sheet() -> None:
     assert moved[1, 2] < 0.0 and (moved[2, [0, 2]] < 0.0).all()
 
 
-def test_a_ball_on_a_large_ground_has_no_black_contact(ctx: moderngl.Context) -> None:
+@pytest.mark.parametrize("rest", [{}, {"bounces": 2}, {"quality": 0.7}])
+def test_a_ball_on_a_large_ground_has_no_black_contact(ctx: moderngl.Context, rest: dict[str, Any]) -> None:
     """The ground outside of the view hardly changes a pixel, but its size determines the height of eyes, up to 2.5 mm.
 
-    Such eyes lie within the ball of 5 mm, or below the ground.
+    Such eyes lie within the ball of 5 mm, or below the ground. Close hits of records and tests of a refinement also have eyes.
     """
     seen = camera((0.02, 0.014, 0.03), (0.0, 0.003, 0.0))
     worlds = (scene(floor(half), sphere((0.0, 0.005, 0.0), 0.005), sky=1.0) for half in (0.5, 50.0))
-    small, large = (look(ctx, world, [seen], "embree", SMALL)[0].irradiance.mean(-1) for world in worlds)
+    small, large = (look(ctx, world, [seen], "embree", SMALL, **rest)[0].irradiance.mean(-1) for world in worlds)
     assert np.abs(large - small)[small > 0.0].max() < 0.3 * small.mean(), "small: 0 where its ground ends"
     assert large[small > 0.3].min() > 0.15
 

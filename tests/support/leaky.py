@@ -104,7 +104,7 @@ def look(
 ) -> list[Look]:
     """Render the views from `cameras` in turn with the gather `how` and one common cache."""
     out = []
-    with irrsplat.Renderer(world, size, ctx=ctx, gather=how, bounces=1, **rest) as renderer:
+    with irrsplat.Renderer(world, size, ctx=ctx, gather=how, **({"bounces": 1} | rest)) as renderer:
         for one in cameras:
             frame = renderer.render(one)
             view, _ = renderer.frame(one, gather=False)
