@@ -32,10 +32,8 @@ SKY_VALUE, DARK_VALUE = 0, 1  # numbers of the values of members that see only t
 FIRST_SITE = 2  # number of the first gathered value
 _ROUNDS = 4  # rounds of clustering; members that do not see their cluster's site form clusters in the next round
 _ALTERNATIVES = 10  # near sites that are tried for a member without a site of its own
-_FIRST_SHARE = (
-    0.6,
-    0.7,
-)  # of `most`: sites of the first round, about and at most; members that see none get the remaining
+# of `most`: sites of the first round, about and at most; members that see none get the remaining
+_FIRST_SHARE = 0.6, 0.7
 _MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _CLOSE = 1 / 16  # of that width: closer members of a coarse level are one member

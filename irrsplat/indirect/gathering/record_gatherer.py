@@ -290,10 +290,9 @@ class RecordGatherer(Owner):
         settings = self.settings
         for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
             chosen = numbers[some]
-            after = {name: held[name][chosen] for name in LINEAR}
+            sites, after = self.cache.sites(chosen), {name: held[name][chosen] for name in LINEAR}
             unsigned = np.zeros_like(after["irradiance"])
             for gather, light, sign in parts:
-                sites = self.cache.sites(chosen)
                 made = self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers)
                 found = made.records.read(*LINEAR)
                 after = {name: after[name] + sign * found[name] for name in LINEAR}
