@@ -76,16 +76,16 @@ def sum_bounces(E_1: np.ndarray, transport: Transport | None, area: np.ndarray, 
     if transport is None or most == made:
         return BouncedLight(total, made)
     # the greatest row sums of F bound all eigenvalues: light in a tent fades more slowly than on the sunlit ground around
-    slowest = np.minimum(transport(np.ones_like(total)).max(0, initial=0.0), _DECAYS)
+    slowest = np.minimum(transport(np.ones_like(total)).max(0, initial=0.0), _DECAYS) if everything else np.ones(3)
     while True:
         after = transport(term)  # the bounce that a gather from `total` adds
         decay = _decay(term, after, area)
-        if everything and decay.max() < 1.0:
+        if everything and decay.max() < _DECAYS:
             remainder = _remainder(term, after, decay)
             whole = total + after + remainder
             if _share(_remainder(term, after, slowest), whole) < CONVERGED:
                 return BouncedLight(whole, made, converged=True)
-            if made == most and decay.max() < _DECAYS:
+            if made == most:
                 greatest = (after * (decay / (1.0 - decay))).astype(np.float32)
                 return BouncedLight(whole, made, converged=_share(greatest - remainder, whole) < CONVERGED)
         if made == most:

@@ -266,6 +266,12 @@ def test_a_tent_on_sunlit_ground_has_all_its_bounces() -> None:
     assert last(E_1, by_rows(F), area).irradiance[tent] == pytest.approx(1.0 / (1.0 - 0.6), rel=0.05)
 
 
+def test_a_white_room_has_no_sum_of_all_bounces() -> None:
+    """Each of the 64 bounces adds E_1 = 1. Rounding leaves a reflectance of 1 - 10⁻⁷, by which ten million would follow."""
+    found = last(np.ones((50, 3)), by_rows(np.full((50, 50), (1.0 - 1e-7) / 50)), np.ones(50))
+    assert not found.converged and found.irradiance.max() < 64.0
+
+
 def test_as_many_bounces_as_are_asked_for() -> None:
     transport, E_1, area = closed(20, 0.8)
     F = dense(transport)[0].astype(float)
