@@ -11,12 +11,21 @@ from irrsplat.app.common.terminal import say
 from irrsplat.core.errors import IrrsplatError
 
 
+def state_of(path: str | Path) -> tuple[int, int, int] | None:
+    """Return a value that changes with each write of a file; None without a file."""
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
 class KeptCache:
     """Record cache file at `path`; create the object before the file is read."""
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._seen = self._state()
+        self._seen = state_of(self.path)
         self._shared = False  # True after another process has written the file
 
     def save(self, write: Callable[[str], object]) -> None:
@@ -28,9 +37,9 @@ class KeptCache:
         from irrsplat.core import files  # needs numpy, which --help does not import
 
         with files.locked(Path(os.path.realpath(self.path)).parent):
-            if not self._shared and self._state() in (self._seen, None):
+            if not self._shared and state_of(self.path) in (self._seen, None):
                 write(self.path)
-                self._seen = self._state()
+                self._seen = state_of(self.path)
                 return
             with tempfile.TemporaryDirectory() as folder:
                 own = os.path.join(folder, "own.cache")
@@ -49,11 +58,3 @@ class KeptCache:
         if not self._shared:
             say(f"notice: {self.path}: another process has written it since; the records of both are in it")
         self._shared = True
-
-    def _state(self) -> tuple[int, int, int] | None:
-        """Return a value that changes with each write of the file; None without a file."""
-        try:
-            found = os.stat(self.path)
-        except FileNotFoundError:
-            return None
-        return found.st_ino, found.st_size, found.st_mtime_ns

@@ -14,6 +14,7 @@ import numpy as np
 import platformdirs
 
 import irrsplat
+from irrsplat.app.common.kept_cache import state_of
 from irrsplat.app.film.background import FilmInBackground, FilmJob
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.objects import light_name, object_name, on_screen
@@ -50,7 +51,7 @@ class Actions:
         self.dialog = prompts.DesktopDialog(native)
         self.prompt: prompts.Prompt | None = None  # the open question to the user
         self.saved_as = ""  # the .scene file that Save writes; "" before the first save
-        self._saved = list[int]()  # the result of _changes directly after the last save
+        self._saved = list[object]()  # the result of _states directly after the last save
         self.film = FilmInBackground()
         self.announce: Callable[[str], object] = lambda words: None  # shows words at once, before work that takes seconds
         preferences.opened(source)
@@ -204,7 +205,7 @@ class Actions:
 
         Request the name again if another program has changed the files.
         """
-        changed = self.saved_as and self._saved != _changes(Path(self.saved_as))
+        changed = self.saved_as and self._saved != _states(Path(self.saved_as))
         if changed:
             self.say(f"{self.saved_as} has changed since it was saved; replace it, or save under another name")
         if self.saved_as and not changed:
@@ -217,7 +218,7 @@ class Actions:
         path = scene_file(name)
         lost = write_scene(self.session.scene.placed(self.session.origin), path)
         self.editor.saved = self.editor.scene
-        self.saved_as, self._saved = str(path), _changes(path)
+        self.saved_as, self._saved = str(path), _states(path)
         self.preferences.opened(str(path))
         self.say(f"{path} is written, with {parts_folder(path).name}")
         if lost:
@@ -322,9 +323,9 @@ class Actions:
         self.preferences.opened(source)
 
 
-def _changes(path: Path) -> list[int]:
-    """Return the times in nanoseconds of the last changes of a saved scene and its parts."""
-    return [file.stat().st_mtime_ns for file in (path, *sorted(parts_folder(path).glob("*"))) if file.exists()]
+def _states(path: Path) -> list[object]:
+    """Return a value that changes with each write of a saved scene or its parts."""
+    return [state_of(file) for file in (path, *sorted(parts_folder(path).glob("*")))]
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:
