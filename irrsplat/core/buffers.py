@@ -6,7 +6,7 @@ EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -243,14 +243,14 @@ class Sites:
 
         return Sites(*(column(one.name) for one in fields(Sites)))
 
+    @property
+    def screen_heights(self) -> np.ndarray:
+        """(N,) `screen`, 0 where it is unknown."""
+        return np.zeros(len(self)) if self.screen is None else self.screen
+
     def frame_rotations(self, numbers: np.ndarray) -> np.ndarray:
         """Return (N,) seeds of the frames' rotations, for records with these `numbers` (N,)."""
         return numbers if self.frame_rotation is None else self.frame_rotation
-
-    def seen(self, eye: Sequence[float], measure: float) -> Sites:
-        """Return the sites with `screen`, for a view from `eye` whose image is `measure` metres high at distance 1."""
-        distance = np.linalg.norm(self.position - np.asarray(eye, "f4"), axis=1)
-        return replace(self, screen=measure * distance)
 
     def __getitem__(self, rows: slice | np.ndarray) -> Sites:
         columns = (getattr(self, one.name) for one in fields(Sites))

@@ -62,7 +62,7 @@ class CloseLight(Owner):
             facing = -plane / np.linalg.norm(plane, axis=1, keepdims=True)
             triangle = None if triangles is None else triangles[record, texel]
             turned = rotations[record] * rays.shape[1] + rank
-            eyes = Sites(place, facing, facing, triangle, turned, None if sites.screen is None else sites.screen[record])
+            eyes = Sites(place, facing, facing, triangle, turned, sites.screen_heights[record])
             values[some] = self._means(light, eyes, gathers[some], seed)
         return values
 

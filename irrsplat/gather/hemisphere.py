@@ -68,7 +68,7 @@ class Gather(Owner):
 
         It is about the radius that a record covers on screen, so that the eyes sample the change of light within it.
         """
-        screen = np.zeros(len(sites)) if sites.screen is None else sites.screen
+        screen = sites.screen_heights
         known = np.where(screen > 0.0, screen, _SCREEN * self.world.scene.diagonal)
         return np.maximum(_BESIDE * known, self.offset)
 

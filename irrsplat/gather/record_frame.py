@@ -25,7 +25,7 @@ def offset_of(scene: Scene) -> float:
 
 def eye_heights(sites: Sites, scene: Scene) -> np.ndarray:
     """Return (N,) metres: the heights of the sites' eyes above their surfaces."""
-    offset, screen = offset_of(scene), np.zeros(len(sites)) if sites.screen is None else sites.screen.astype(float)
+    offset, screen = offset_of(scene), sites.screen_heights.astype(float)
     return np.where(screen > 0.0, np.clip(_ON_SCREEN * screen, _LEAST * scene.diagonal, offset), offset)
 
 

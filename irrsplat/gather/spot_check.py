@@ -116,8 +116,7 @@ class SpotPass(Owner):
         position, normal, rest, pixel = position[there], normal[there], rest[there], pixel[there]
         geometric = octahedral_decode(normal[:, 3], rest[:, 0])
         number = pixel[:, 1] * part.whole[0] + pixel[:, 0]
-        away = np.linalg.norm(position[:, :3].astype(float) - np.asarray(camera.eye, float), axis=1)
-        screen, rows = camera.measure(self.size) * away, part.whole[1] / side
+        screen, rows = camera.measure_at(position[:, :3].astype(float), self.size), part.whole[1] / side
         sites = Sites(position[:, :3], normal[:, :3], geometric, rest[:, 2].astype(np.intp), number, screen)
         return Spots.joined([Spots(sites, rest[:, 1].astype(float), screen / rows, rest[:, 3] > 0.0)])
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import moderngl
@@ -94,7 +94,7 @@ class Screen:
 
     def requested(self, sites: Sites) -> Sites:
         """Return the sites as requested by this view."""
-        return sites.seen(self.camera.eye, self.camera.measure(self.size))
+        return replace(sites, screen=self.camera.measure_at(sites.position, self.size))
 
 
 class ExaminePass(Owner):

@@ -132,8 +132,8 @@ class HoleFilling(Owner):
         at = np.argsort(_order()[rows % _SPARSE, columns % _SPARSE], kind="stable")
         chosen = rows[at], columns[at]
         geometric = octahedral_decode(normal[chosen][:, 3], rest[chosen][:, 0])
-        sites = Sites(position[chosen][:, :3], normal[chosen][:, :3], geometric, rest[chosen][:, 1].astype(np.intp))
-        return sites.seen(camera.eye, camera.measure(self.size))
+        there, triangle = position[chosen][:, :3], rest[chosen][:, 1].astype(np.intp)
+        return Sites(there, normal[chosen][:, :3], geometric, triangle, screen=camera.measure_at(there, self.size))
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, light: HoleLight) -> SplatBuffer:
         """Return the sums, with irradiance at pixels without a record. The texture belongs to this pass."""

@@ -213,7 +213,7 @@ class Refiner(Owner):
         while (check := self._given.budget.advance(drawing)) is None:
             yield
         first, done, side = cache.count, 0, self._side(doublings)
-        sites = check.sites.seen(camera.eye, camera.measure(self.size))
+        sites = replace(check.sites, screen=camera.measure_at(check.sites.position, self.size))
         yield
         while done < len(sites):
             done += gatherer.gather(self._given.shadows, sites[done:], self._given.budget, side)

@@ -133,7 +133,7 @@ class RecordCache(Owner):
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
         for name in ("probe", "drift", "due", "gather_size"):
             columns[name][new] = 0
-        columns["screen"][new] = 0.0 if sites.screen is None else sites.screen
+        columns["screen"][new] = sites.screen_heights
         columns["id"][new] = self._next_id + np.arange(len(sites))
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
         for name in ("position", "normal"):

@@ -106,6 +106,11 @@ class Camera:
         whole = self.whole(size)
         return self.screen * (measure(whole) / whole[1])
 
+    def measure_at(self, points: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+        """Return (N,) metres: the `measure` of the picture at the distances of points (N, 3) from the eye."""
+        distance = np.linalg.norm(points - np.asarray(self.eye, points.dtype), axis=1)
+        return np.asarray(self.measure(size) * distance)
+
     @cached_property
     def axes(self) -> np.ndarray:
         """(3, 3) rows: right, up and backward, unit, world space."""
