@@ -49,3 +49,4 @@ def test_a_narrow_gap_is_as_dark_as_by_radiosity(ctx: moderngl.Context) -> None:
             where = sites(np.stack([x + shift, 0.0 * x, 0.0 * x + 0.1], 1), [[0.0, 1.0, 0.0]] * len(x))
             found.append(gathered(renderer, replace(where, triangle=np.full(len(x), 0))).mean(1))
     assert np.mean(found, axis=0) == pytest.approx(gap_radiosity(x), rel=0.4)
+    assert (np.abs(np.log2(found / gap_radiosity(x))) < 1.3).all(), "a single position is off by a factor of 2.5 at most"
