@@ -44,9 +44,9 @@ def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float,
 def edit_tint(layout: Layout, label: str, color: Point, lit: Point) -> Point:
     """Draw the field of an emitted colour relative to its largest component; return the colour after it, as bright as before.
 
-    lit: the colour to show for black.
+    lit: from Editor.last_lit, the colour to show.
     """
-    changed, tint = edit_colour(layout.label(label), tint_of(color if any(color) else lit))
+    changed, tint = edit_colour(layout.label(label), tint_of(lit))
     return scaled(tint_of(tint), max(color) or 1.0) if changed and max(tint) > 0.0 else color
 
 
@@ -55,10 +55,10 @@ def edit_outputs(
 ) -> Point:
     """Draw a field for each output of an emitted colour, with the unit as its label; return the colour after them.
 
-    lit: the colour that black becomes. units: a call that returns the outputs of a colour by unit. least: the least scale of the
-    colour.
+    lit: from Editor.last_lit, the colour that is scaled. units: a call that returns the outputs of a colour by unit. least: the
+    least scale of the colour.
     """
-    tint = tint_of(color if any(color) else lit)
+    tint = tint_of(lit)
     full = units(tint)
     for unit, value in units(color).items():
         form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
