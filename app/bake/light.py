@@ -6,6 +6,7 @@ The method is the renderer's, with its stages; only the search for points within
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Unpack
@@ -16,7 +17,7 @@ import numpy as np
 from irrsplat.app.bake.places import Places
 from irrsplat.app.bake.splats import PlaceSplats
 from irrsplat.core.buffers import GBuffer
-from irrsplat.core.vectors import check_finite, octahedral_encode
+from irrsplat.core.vectors import check_finite, octahedral_encode, vector
 from irrsplat.gather.kinds import shadow_caster
 from irrsplat.gpu.resource import Owner, Tenant
 from irrsplat.gpu.target import float_texture
@@ -26,11 +27,11 @@ from irrsplat.indirect.view_state import Phase, ViewState
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.lit_scene import LitScene
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera, Scene, measure
 from irrsplat.settings import MOST_ROUNDS, SettingValues, preset
 
 OnBake = Callable[[float, str], None]  # called with the completed share 0..1 and a message
-_NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # placeholder camera: the rounds take one, but only a view depends on it
+_AFAR = 1000.0  # of the scene's diagonal: distance of the camera that stands for a view, so that it has one scale everywhere
 
 
 class PlaceLight(Tenant):
@@ -62,20 +63,20 @@ class PlaceLight(Tenant):
             return empty, where.seen.copy(), True
         scheduler, settings, budget = self.scheduler, self.settings, Budget(None)
         scheduler.gatherer.prepare(self.lit.shadows, budget)
-        side = self.scene.diagonal / np.sqrt(3.0) / 100.0  # of a cube with the scene's diagonal, in place of a view's height
-        greatest = settings.radius_max * side or self.scene.diagonal
-        least = max(settings.radius_min * side, texel)
+        camera, side = self._view(where.size)
+        greatest = settings.radius_max / 100.0 * side or self.scene.diagonal
+        least = max(settings.radius_min / 100.0 * side, texel)
         with (
             _Drawn(self.ctx, where, settings.gradients) as drawn,
             PlaceSplats(self.ctx, drawn.gbuffer, where, settings, (min(least, greatest), greatest)) as splats,
         ):
-            view, before = ViewState((_NOBODY,)), self.cache.count
+            view, before = ViewState((camera,)), self.cache.count
             for _ in range(MOST_ROUNDS):
                 view, _ = scheduler.limit_radii(view)
                 sums = splats.update(self.cache)
                 if view.ended((sums, settings.request_criteria)):
                     break
-                screen = scheduler.screen(drawn.gbuffer, sums, _NOBODY)
+                screen = scheduler.screen(drawn.gbuffer, sums, camera)
                 view, *_ = scheduler.gather_missing(view, screen, self.lit.shadows, budget)
                 if on_bake is not None:
                     on_bake(view.coverage, f"{self.cache.count - before} records")
@@ -85,6 +86,13 @@ class PlaceLight(Tenant):
         irradiance = np.where(covered[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
         check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
         return irradiance, covered, view.phase is Phase.SETTLED
+
+    def _view(self, size: tuple[int, int]) -> tuple[Camera, float]:
+        """Return a distant camera in place of a view, and the `measure` of its picture of `size` in the scene, metres."""
+        side, away = self.scene.diagonal / math.sqrt(3.0), _AFAR * self.scene.diagonal  # the side of a cube with this diagonal
+        fov = math.degrees(2.0 * math.atan(0.5 * side * size[1] / (measure(size) * away)))
+        middle = vector(self.scene.bounds.mean(0))
+        return Camera((*middle[:2], middle[2] + away), middle, fov=fov), side
 
     def direct(self, where: Places, number: int = 0) -> np.ndarray:
         """Return the irradiance (H, W, 3) of lights with shadows, in W/m²; number: index of the subtexel sample."""
