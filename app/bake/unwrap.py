@@ -53,17 +53,19 @@ def unwrap(receivers: Receivers, size: int) -> Charts:
         raise InputError("a lightmap needs the Python module 'xatlas'; run: pip install 'irrsplat[bake]'") from error
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
-    density, atlas = 0.0, None
+    density, atlas, tried = 0.0, None, None
     for _ in range(_TRIES):
-        atlas = _packed(xatlas, receivers, size, density)
-        side = max(atlas.width, atlas.height)
-        if atlas.atlas_count == 1 and 0.97 * size <= side <= size:
+        tried = _packed(xatlas, receivers, size, density)
+        side = max(tried.width, tried.height)
+        if tried.atlas_count == 1 and side <= size and (atlas is None or tried.texels_per_unit > atlas.texels_per_unit):
+            atlas = tried
+        if atlas is tried and side >= 0.97 * size:
             break
         # Rescale to fit: charts and gaps do not shrink alike
-        density = atlas.texels_per_unit * (0.5 if atlas.atlas_count > 1 else 0.99 * size / side)
-    assert atlas is not None
-    if atlas.atlas_count != 1 or max(atlas.width, atlas.height) > size:
-        raise InputError(f"{atlas.chart_count:,} charts do not fit into {size} x {size} texels; give a larger --size")
+        density = tried.texels_per_unit * (0.5 if tried.atlas_count > 1 else 0.99 * size / side)
+    if atlas is None:
+        assert tried is not None
+        raise InputError(f"{tried.chart_count:,} charts do not fit into {size} x {size} texels; give a larger --size")
     scale = np.array([atlas.width, atlas.height], float)
     found = [atlas.get_mesh(i) for i in range(len(receivers.meshes))]
     uv = tuple(np.asarray(uv, float) * scale for _, _, uv in found)

@@ -185,6 +185,33 @@ def test_vertex_colours_are_unlit_and_hold_the_sky(tmp_path: Path) -> None:
     assert np.allclose(trimesh.load_scene(path).bounds.mean(0), far, atol=0.02)
 
 
+def test_a_bake_has_one_scale_wherever_its_surfaces_lie() -> None:
+    """A bake has no camera: squares at the origin and far from it have eyes of one height."""
+    from irrsplat.app.bake.light import PlaceLight
+    from irrsplat.app.bake.places import places
+
+    receivers = Receivers.of(under_a_sky(*(square(z) for z in (-40.0, 0.0, 0.5, 40.0))))
+    triangle, third = np.arange(8).reshape(2, 4), np.full((2, 4), 1.0 / 3.0)
+    with PlaceLight(receivers.scene, "default", **FAST) as lights:
+        lights.gathered(places(receivers, triangle, third, third), 1.0)
+        heights = lights.cache.sites(np.arange(lights.cache.count)).screen_heights
+    assert len(heights) > 1 and np.ptp(heights) < 0.01 * heights.max()
+
+
+def test_charts_fit_a_small_map_wherever_the_scene_lies() -> None:
+    """Densities approach the map's side from both ends; the densest charts that fit count, not the last ones."""
+    pytest.importorskip("xatlas")
+    from irrsplat.app.bake.unwrap import unwrap
+
+    scene = irrsplat.load("cornell")
+    for by in (0.0, 32.0):
+        meshes = tuple(
+            replace(mesh, positions=(mesh.positions + np.array([by, 0.0, 0.0])).astype(np.float32)) for mesh in scene.meshes
+        )
+        charts = unwrap(Receivers.of(replace(scene, meshes=meshes, lights=())), 64)
+        assert all(uv.max(initial=0.0) <= 64.0 for uv in charts.uv)
+
+
 def test_the_command_writes_and_reports_the_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
