@@ -190,7 +190,6 @@ class GBufferPass(Owner):
                     geometry=geometry,
                     draws=draws,
                     state=replace(_SURFACES, cull=cull),
-                    closed=geometry.counts.closed,
                     **placed,
                     **world.raster_uniforms,
                 )

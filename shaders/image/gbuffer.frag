@@ -9,13 +9,12 @@ in vec3 v_position;
 uniform vec3 eye;            // world space, metres
 uniform vec3 forward;        // unit, the view axis
 uniform float far;           // depth beyond the farthest corner of the scene, metres
-uniform int closed;          // triangles of lower numbers belong to closed meshes
 uniform int first_triangle;  // number of the first triangle of this draw
 
 // MASK, BLEND: 1 for surfaces that are visible only if their opacity reaches the cutoff. MAPPED_NORMALS: 1 if any surface has a
 // normal map. EMISSIVE: 1 if any surface emits.
 
-const float BACK = 1.0 / 32.0;  // offset of inner sides of closed meshes, as a share of the change of depth per pixel
+const float BACK = 1.0 / 32.0;  // offset of back faces, as a share of the change of depth per pixel
 const float MOST_BACK = 1e-3;   // greatest offset, as a share of `far`
 
 layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis, metres (0: no surface)
@@ -64,8 +63,8 @@ void main()
     out_normal = vec4(n, octahedral.x);
     out_albedo = vec4(material.albedo, octahedral.y);
     out_emission = vec4(material.emission, float(triangle));
-    // Linear depth is equally precise at all distances and scales. From outside, the inner side of a closed mesh is invisible. At
+    // Linear depth is equally precise at all distances and scales. From outside, the inner side of a solid is invisible. At
     // silhouettes, the rasteriser's rounding of corners makes depth noise, so that an offset moves the inner side behind the
-    // outer one.
-    gl_FragDepth = depth / far + (!gl_FrontFacing && triangle < closed ? min(BACK * slope / far, MOST_BACK) : 0.0);
+    // outer one. Two equal solids at one place are no closed mesh, so that the offset moves all back faces.
+    gl_FragDepth = depth / far + (gl_FrontFacing ? 0.0 : min(BACK * slope / far, MOST_BACK));
 }

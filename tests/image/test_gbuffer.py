@@ -5,7 +5,9 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 import pytest
+import trimesh
 
+from irrsplat import make_mesh
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
@@ -82,6 +84,26 @@ def test_smooth_normals_are_interpolated_and_face_the_eye(ctx: moderngl.Context)
     to_eye = np.asarray(camera.eye) - p
     assert ((found["geometric"][on] * to_eye).sum(1) > 0.0).all()
     assert ((found["geometric"][on] * found["normal"][on]).sum(1) >= 0.0).all()
+
+
+def test_no_inner_side_shows_at_silhouettes(ctx: moderngl.Context) -> None:
+    """At a pixel's centre on a silhouette, outer and inner side are equally far: the outer one is visible.
+
+    Two equal bars at one place share their edges, so that their mesh is not closed and the eye may lie inside.
+    """
+    bars = [trimesh.creation.cylinder(0.01, 1.0, sections=8) for _ in range(60)]
+    for number, bar in enumerate(bars):
+        bar.apply_translation((0.12 * (number % 30) - 1.8, 0.0, 0.0))
+    vertices = np.concatenate([bar.vertices for bar in bars])
+    faces = np.concatenate([bar.faces + number * len(bar.vertices) for number, bar in enumerate(bars)])
+    camera = Camera((4.2, -1.2, 0.9), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 50.0)
+    world = scene(make_mesh(vertices, faces), camera=camera)
+    assert not world.meshes[0].closed
+    found = seen(ctx, world, camera, (640, 480))
+    side = (found["depth"] > 0.0) & (np.abs(found["position"][..., 2]) < 0.49)
+    p, g = found["position"][side], found["geometric"][side]
+    across = (p[:, 0] + 1.8 + 0.06) % 0.12 - 0.06
+    assert side.sum() > 5000 and ((g[:, 0] * across + g[:, 1] * p[:, 1]) > 0.0).all()
 
 
 @pytest.mark.parametrize("distance", [1e-4, 1e3])
