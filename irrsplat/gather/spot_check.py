@@ -26,24 +26,19 @@ _SIGNIFICANT = (0.55, 0.25, 0.25)  # difference that counts, see `Spots.differen
 _AT_CREASES = (0.0, 0.15, 0.15)  # difference that counts at creases: all places there reach the second probes
 _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed
 _FLOOR = 0.1  # of the mean cached luminance: lower bound of the luminance in relative differences
-_CELLS = 4.0  # greatest width of the cells of probed places, in distances of probed pixels
-_COARSER = 3  # doublings of a cell's width within which a place counts as probed from a greater distance
 MARGIN = 2  # pixels around each part of a view that its picture and the search for creases need
-_MOST = 2_000_000  # greatest number of stored places
 
 
 @dataclass(frozen=True, eq=False)
 class Spots:
     """Probed positions of a view.
 
-    sites: (N,), each with a frame rotation. cached: (N,) cached luminance of E, W/m². distance: (N,) metres between probed
-    pixels on screen. at_crease: (N,) True if a surface within a few pixels rises above the plane of the position. mean: mean of
-    `cached` over the view, W/m².
+    sites: (N,), each with a frame rotation. cached: (N,) cached luminance of E, W/m². at_crease: (N,) True if a surface within a
+    few pixels rises above the plane of the position. mean: mean of `cached` over the view, W/m².
     """
 
     sites: Sites
     cached: np.ndarray
-    distance: np.ndarray
     at_crease: np.ndarray
     mean: float = 0.0
 
@@ -51,18 +46,17 @@ class Spots:
     def joined(parts: Sequence[Spots]) -> Spots:
         """Return the places of all parts of a view, in an order independent of the division into parts."""
         joined = Sites.joined([part.sites for part in parts])
-        columns = ("cached", "distance", "at_crease")
-        cached, distance, creases = (np.concatenate([getattr(part, name) for part in parts]) for name in columns)
+        cached, creases = (np.concatenate([getattr(part, name) for part in parts]) for name in ("cached", "at_crease"))
         assert joined.frame_rotation is not None
         order = np.argsort(joined.frame_rotation)
         mean = float(cached[order].mean(dtype=float)) if len(order) else 0.0
-        return Spots(joined[order], cached[order], distance[order], creases[order], mean)
+        return Spots(joined[order], cached[order], creases[order], mean)
 
     def __len__(self) -> int:
         return len(self.sites)
 
     def __getitem__(self, rows: np.ndarray) -> Spots:
-        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.at_crease[rows], self.mean)
+        return Spots(self.sites[rows], self.cached[rows], self.at_crease[rows], self.mean)
 
     def difference(self, found: np.ndarray) -> np.ndarray:
         """Return (N,) the differences of probes `found` (N,) W/m² from the cache, relative to the greater luminance Y of both.
@@ -116,9 +110,9 @@ class SpotPass(Owner):
         position, normal, rest, pixel = position[there], normal[there], rest[there], pixel[there]
         geometric = octahedral_decode(normal[:, 3], rest[:, 0])
         number = pixel[:, 1] * part.whole[0] + pixel[:, 0]
-        screen, rows = camera.measure_at(position[:, :3].astype(float), self.size), part.whole[1] / side
+        screen = camera.measure_at(position[:, :3].astype(float), self.size)
         sites = Sites(position[:, :3], normal[:, :3], geometric, rest[:, 2].astype(np.intp), number, screen)
-        return Spots.joined([Spots(sites, rest[:, 1].astype(float), screen / rows, rest[:, 3] > 0.0)])
+        return Spots.joined([Spots(sites, rest[:, 1].astype(float), rest[:, 3] > 0.0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,45 +133,3 @@ class SpotCheck:
         """The places where the present probes differ from the cache."""
         least = np.where(self.spots.at_crease, _AT_CREASES[self.stage], _SIGNIFICANT[self.stage])
         return self.spots[self.spots.difference(self.found) > least]
-
-
-@dataclass(eq=False)
-class PlacesChecked:
-    """Positions of earlier probes, so that no check repeats a probe; a loss of records discards them.
-
-    Positions are stored as cells of space, two to four times as wide as the distance of pixels, because the pixels of another
-    view lie between those of this view. cells: (K,) ascending. records: the number of records when the positions were stored,
-    including the new records of the check; fewer records mean a loss.
-    """
-
-    cells: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
-    records: int = 0
-
-    def left(self, spots: Spots) -> Spots:
-        """Return the places that no check has probed at this or a closer distance."""
-        return spots[~np.isin(_cells(spots.sites, _CELLS * spots.distance), self.cells)]
-
-    def note(self, spots: Spots, records: int) -> None:
-        """Mark places as probed; records: number of records once the new ones are gathered. Beyond _MOST, earlier places go."""
-        self.records = records
-        wide = [_cells(spots.sites, _CELLS * spots.distance * 2.0**doublings) for doublings in range(_COARSER + 1)]
-        cells = np.unique(np.concatenate([self.cells, *wide]))
-        self.cells = cells if len(cells) <= _MOST else np.unique(np.concatenate(wide))
-
-
-def _cells(sites: Sites, width: np.ndarray) -> np.ndarray:
-    """Return (N,) int64, a hash of the cell of each site and of the one of six sides that its surface faces.
-
-    Cells are as wide in metres as the next power of 2 below `width` (N,).
-    """
-    level = np.floor(np.log2(np.maximum(width, 1e-30))).astype(np.int64)
-    at = np.floor(sites.position.astype(float) / np.exp2(level.astype(float))[:, None]).astype(np.int64).astype(np.uint64)
-    axis = np.abs(sites.geometric).argmax(1)
-    side = 2 * axis + (np.take_along_axis(sites.geometric, axis[:, None], 1)[:, 0] < 0.0)
-    number = np.zeros(len(sites), np.uint64)
-    for column in (level.astype(np.uint64), side.astype(np.uint64), *at.T):
-        number += column + np.uint64(0x9E3779B97F4A7C15)  # mixed as in SplitMix64 (Steele et al. 2014)
-        for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
-            number = (number ^ (number >> np.uint64(shift))) * np.uint64(factor)
-        number ^= number >> np.uint64(31)
-    return number.view(np.int64)

@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.vectors import along_a_way
-from irrsplat.gather.spot_check import SIDES, PlacesChecked, SpotCheck, SpotPass, Spots
+from irrsplat.gather.spot_check import SIDES, SpotCheck, SpotPass, Spots
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -31,7 +31,7 @@ from irrsplat.scene.model import Camera, Scene, measure
 from irrsplat.settings import Settings
 
 _PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
-_AROUND = 8  # records that measure the noise at a place, half of them before it along a space-filling curve
+_AROUND = 8  # records that decide whether a place is probed, half of them before it along a space-filling curve
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
@@ -51,7 +51,7 @@ class RecordScheduler(Owner):
         self.examined, self.refresh_order = self.own(ExaminePass(world.ctx)), self.own(RefreshOrder(world.ctx))
         self.hole_probes = self.own(HoleProbes(world.ctx))
         self._passes = self.own(Workshop())
-        self._checked = PlacesChecked()
+        self._checked = 0  # number of records at the last spot check, including requested ones
 
     @property
     def settings(self) -> Settings:
@@ -73,14 +73,14 @@ class RecordScheduler(Owner):
             self.adaptation.accept(vars(settings), self.adaptation.compared)
         other_lights = change and change.dimming is None and self.gatherer.difference is None
         if other_lights or self.settings.most_bounces != bounces:  # light differs otherwise from place to place
-            self._checked = PlacesChecked()
+            self._checked = 0
         if kept is not None:
             self.adaptation.keep(kept)
         return change
 
     def expire(self) -> None:
         """Gather everything again."""
-        self._checked = PlacesChecked()
+        self._checked = 0
         self.gatherer.expire()
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
@@ -134,8 +134,8 @@ class RecordScheduler(Owner):
         if scan:
             view, new, complete = self._scan(view, screen, shadows, budget)
         elif view.queue is None:
-            if self.cache.count < self._checked.records:
-                self._checked = PlacesChecked()
+            if self.cache.count < self._checked:
+                self._checked = 0
             if self._changing:
                 view = replace(view, check=None)
             elif view.check is not None:
@@ -200,7 +200,7 @@ class RecordScheduler(Owner):
             pays = gatherer.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]  # a gather has four times the rays
             if not (spots and self.room and self.settings.spread and pays):
                 return replace(view, checked=True)
-            left = self._resolved(self._checked.left(screen.spots()))
+            left = self._unchecked(screen.spots())
             check = SpotCheck(left, left)
         while True:
             more = gatherer.probe_luminance(shadows, check.spots.sites[len(check.found) :], budget, SIDES[check.stage])
@@ -213,21 +213,27 @@ class RecordScheduler(Owner):
             if budget.left <= 0.0:
                 return replace(view, check=check)
         sites = check.significant.sites[: self.room]
-        self._checked.note(check.whole, self.cache.count + len(sites))
+        self._checked = self.cache.count + len(sites)
         return replace(view, check=None, checked=True, queue=Queue(sites, False) if len(sites) else None, stalled_rounds=0)
 
-    def _resolved(self, spots: Spots) -> Spots:
-        """Return the places where a probe resolves the differences that count: the records around have little noise."""
+    def _unchecked(self, spots: Spots) -> Spots:
+        """Return the places where half of the records around are new since the last spot check, and have little noise.
+
+        With more noise, a probe resolves no difference that counts.
+        """
         count = self.cache.count
-        if not (self.settings.gradients and count and len(spots)):  # the noise of records is unknown
+        if not (count and len(spots)):
             return spots
         codes = along_a_way(np.concatenate([self.cache.positions, spots.sites.position]))
         order = np.argsort(codes[:count], kind="stable")
         after = np.searchsorted(codes[order], codes[count:])
         near = order[np.clip(after[:, None] + np.arange(_AROUND) - _AROUND // 2, 0, count - 1)]
+        new = (near >= self._checked).mean(1) >= 0.5
+        if not self.settings.gradients:  # the noise of records is unknown
+            return spots[new]
         luminance = (self.cache.values[:, :3] @ LUMINANCE)[near]
         noise = self.cache.records.read("noise")["noise"][near] * luminance
-        return spots[np.sqrt((noise**2).mean(1)) <= _PROBED_NOISE * luminance.mean(1)]
+        return spots[new & (np.sqrt((noise**2).mean(1)) <= _PROBED_NOISE * luminance.mean(1))]
 
     def _room(self, requested: int, screen: Screen) -> int:
         """Evict records to make room for new records where eviction is allowed; return the free number of records."""
@@ -235,7 +241,7 @@ class RecordScheduler(Owner):
         if numbers is not None:
             self.cache.keep_only(numbers)
             self.adaptation.keep(numbers)
-            self._checked = PlacesChecked()
+            self._checked = 0
         return self.room
 
     @property
@@ -297,12 +303,12 @@ class RecordScheduler(Owner):
         # records without a comparison after a change will all be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
         records = self.cache.state(gatherer.has_pending_changes)
-        checked = self._checked if self.cache.count >= self._checked.records else PlacesChecked()
-        return CacheState(records, bounces, settings, checked.cells, self.adaptation.compared)
+        checked = self._checked if self.cache.count >= self._checked else 0
+        return CacheState(records, bounces, settings, checked, self.adaptation.compared)
 
     def restore(self, state: CacheState) -> None:
         """Replace the present records by the records of a file."""
         self.cache.restore(state.records)
         self.adaptation.accept(state.settings, state.compared)
-        self._checked = PlacesChecked(state.checked, self.cache.count)
+        self._checked = state.checked
         self.gatherer.resume_with(state.bounces)

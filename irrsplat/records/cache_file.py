@@ -24,10 +24,9 @@ from irrsplat.records.scene_stamp import SceneStamp, hashed, present_triangles, 
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 13  # raise it whenever the content of files or the inputs of records change
+FORMAT = 14  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
-_CHECKED = "checked"  # array of the viewpoints of spot checks
 _REMEDY = "remove it to have it made anew, or name another file"
 
 
@@ -45,14 +44,14 @@ class CacheState:
     """Saved records with all that a renderer needs to resume.
 
     records: the arrays of RecordCache.state. bounces: gather method and number of bounces, by their names in the statistics.
-    settings: all settings of the renderer. checked: (K,) int64, viewpoints of spot checks. compared: the number of records by
-    which all others are limited; 0 without limits.
+    settings: all settings of the renderer. checked: the number of records at the last spot check. compared: the number of records
+    by which all others are limited; 0 without limits.
     """
 
     records: Mapping[str, np.ndarray]
     bounces: Mapping[str, object]
     settings: Mapping[str, object] = field(default_factory=dict)
-    checked: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    checked: int = 0
     compared: int = 0
 
 
@@ -81,7 +80,7 @@ def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
     whole = {name: state.records[name] for name in ("clocks", "luminance_floor")}
     records = {name: rows[numbers] for name, rows in state.records.items() if name not in whole} | whole
     records["luminance_floor"] = np.array(record_cache.luminance_floor(records["irradiance"]))
-    return replace(state, records=records, checked=np.zeros(0, np.int64), compared=0)
+    return replace(state, records=records, checked=0, compared=0)
 
 
 def carried_over(content: Content, key: CacheKey) -> CacheState:
@@ -98,10 +97,11 @@ def carried_over(content: Content, key: CacheKey) -> CacheState:
 def write(path: files.Pathlike, key: CacheKey, state: CacheState) -> None:
     """Write the records atomically; raises IrrsplatError on failure."""
     made_for = {"geometry": key.scene.geometry, "lights": key.lights, "settings": dict(key.settings)}
-    about = {"bounces": dict(state.bounces), "settings": dict(state.settings), "compared": state.compared}
+    counts = {"checked": state.checked, "compared": state.compared}
+    about = {"bounces": dict(state.bounces), "settings": dict(state.settings), **counts}
     text = json.dumps({"key": made_for, "about": about, "scene": asdict(key.scene)})
     payload = io.BytesIO()
-    arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **state.records}
+    arrays: dict[str, np.ndarray] = {"about": np.array(text), **state.records}
     np.savez(payload, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its flag allow_pickle
     data = payload.getvalue()
     files.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
@@ -139,13 +139,10 @@ def read_any(path: files.Pathlike) -> Content:
         key = CacheKey(scene, **made_for)
         if not isinstance(key.settings, dict) or not isinstance(about["settings"], dict):
             raise ValueError("settings")
-        checked = arrays.pop(_CHECKED)
-        if checked.dtype != np.int64 or checked.ndim != 1 or (np.diff(checked) <= 0).any():
-            raise ValueError(_CHECKED)
         record_cache.check_state(arrays)
-        compared = int(about["compared"])
-        if not 0 <= compared <= len(arrays["id"]):
-            raise ValueError("compared")
+        checked, compared = int(about["checked"]), int(about["compared"])
+        if not 0 <= min(checked, compared) <= max(checked, compared) <= len(arrays["id"]):
+            raise ValueError("checked")
         state = CacheState(arrays, dict(about["bounces"]), about["settings"], checked, compared)
         return Content(key, state)
     except files.DAMAGE as error:

@@ -292,18 +292,18 @@ def test_an_empty_cache_is_a_cache(path: Path) -> None:
 
 
 def test_a_file_of_wrong_content_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
-    """A valid checksum with invalid content: wrong meshes, unsorted checked places, arrays of another format or length."""
+    """A valid checksum with invalid content: wrong meshes, negative counts, arrays of another format or length."""
     head, whole = saved.read_bytes().split(b"\n", 1)
     with zipfile.ZipFile(io.BytesIO(whole[32:])) as archive:
         parts = {name: archive.read(name) for name in archive.namelist()}
-    np.save(unsorted := io.BytesIO(), np.array([2, 1]))
     right, mistaken = (text.encode("utf-32-le") for text in ('"order": [1, 0', '"order": [1, 1'))
+    checked, unknown = (text.encode("utf-32-le") for text in ('"checked": 0', '"checked":-1'))
     compared, negative = (text.encode("utf-32-le") for text in ('"compared": ', '"compared":-'))
     renderer.render()
     for name, data in (
         ("about.npy", parts["about.npy"].replace(right, mistaken)),
         ("about.npy", parts["about.npy"].replace(compared, negative)),
-        ("checked.npy", unsorted.getvalue()),
+        ("about.npy", parts["about.npy"].replace(checked, unknown)),
         ("limit.npy", parts["limit.npy"][:6] + b"\2" + parts["limit.npy"][7:]),
         ("limit.npy", parts["limit.npy"] + b"x"),
     ):
