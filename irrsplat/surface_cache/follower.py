@@ -2,8 +2,8 @@
 
 One-bounce irradiance at the sites is about E_1 = c + F·D. D is the present direct irradiance by the lights.
 The residual c of a gather holds light of the sky and of emitters, and detail that F·D is too coarse for.
-All bounces are E = E_1 + F·E; a frame does one step from the E of the frame before. The detail in c belongs to former
-positions of the lights: c fades as they move, faster where the light before and after overlaps less.
+All bounces are E = E_1 + F·E; a frame begins with the E of the frame before. The detail in c belongs to the positions of the
+lights at the gather: the less D overlaps with that of the gather, the smaller the share of c that counts.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import Transport
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
+_SMALL = 0.05  # of E: a step that changes more is followed by another one in the same frame
 _HIDDEN = 0.5  # of a site's reflected light: a moved emitter that reflects so much of it hides the site from the room
 
 
 class Follower:
     """Values at `sites` that follow moving light, from `begin` on. The transport between the sites is known.
 
-    E_1: (S, 3) irradiance gathered with the present lights, W/m². direct: D of the last step; None before `begin`. relit: True if
-    lights have changed since that step.
+    E_1: (S, 3) irradiance gathered with the present lights, W/m². direct: their D; None before `begin`. relit: True if lights
+    have changed since the last step.
     """
 
     def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray) -> None:
@@ -33,6 +34,7 @@ class Follower:
         self.direct: np.ndarray | None = None
         self._beyond = E_1  # c once `begin` has taken F·D away
         self.relit = False
+        self._kept = 1.0  # share of c that is valid for the present light
         self._moved_emitters = np.zeros(sites.records.count, bool)  # True for sites on emissive meshes that have moved
 
     @property
@@ -77,21 +79,28 @@ class Follower:
         assert self.direct is not None
         D = self._rays.direct_light(self._sites, shadows)
         if self.relit:
-            kept = overlap(self.direct, D, self._sites.area)
-            self._beyond *= np.where(emits(self._rays.world.scene), 1.0, kept).astype(np.float32)
-        self.direct, self.relit = D, False
+            self._kept, self.relit = overlap(self.direct, D, self._sites.area), False
+        beyond = self._beyond * np.where(emits(self._rays.world.scene), 1.0, self._kept).astype(np.float32)
         if len(gathered):
-            self._beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
-        present: np.ndarray = self._beyond + self._transport(D + E)
+            beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
+            self._beyond[gathered] = beyond[gathered]
+        least, change = _SMALL * E.mean(), np.inf
+        while change > least:
+            before, E = E, np.maximum(self._bounced(beyond, D + E), 0.0)
+            least, change = max(least, _SMALL * E.mean()), np.abs(E - before).mean()
+        return E
+
+    def _bounced(self, beyond: np.ndarray, light: np.ndarray) -> np.ndarray:
+        """Return (S, 3) the irradiance by `light` at the sites and by the residual `beyond`, W/m²."""
+        E: np.ndarray = beyond + self._transport(light)
         if self._moved_emitters.any():
             stale = np.flatnonzero(self._sites.records.column("due"))
             moved = np.repeat(self._moved_emitters[:, None], 3, axis=1)
             reflected, whole = (self._transport(sites).sum(1) for sites in (moved, np.ones_like(moved)))
             # rays of sites behind moved emitters mostly meet these; only stale rows of F have rays from afar to such sites
-            visible = np.where((reflected > _HIDDEN * whole)[:, None], 0.0, D + E)
-            present[stale] = self._beyond[stale] + self._transport(visible, stale)
-        present = np.maximum(present, 0.0)
-        return present
+            visible = np.where((reflected > _HIDDEN * whole)[:, None], 0.0, light)
+            E[stale] = beyond[stale] + self._transport(visible, stale)
+        return E
 
 
 def overlap(before: np.ndarray, after: np.ndarray, area: np.ndarray) -> float:

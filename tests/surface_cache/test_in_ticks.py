@@ -167,6 +167,22 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
         assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
 
 
+def test_light_at_sites_returns_with_a_lamp_that_has_left_the_room(ctx: moderngl.Context) -> None:
+    """The residual of the gather counts again, and bounces beyond the first do not wait for further ticks.
+
+    The last step changes the light by less than 5 %. Surfaces reflect up to 80 %, so that further steps would add a few times as
+    much in red.
+    """
+    with made(ctx, ROOM) as renderer:
+        surface, before = renderer.scheduler.gatherer.surface, values(renderer)
+        assert surface is not None and surface.in_use.shown is not None
+        for lights in ([point_light((0.0, 3.0, 0.0), 5.0)], ROOM.lights):
+            renderer.relight(lights)
+            surface.advance(renderer.draw_shadows(), Budget(TICK))
+        area, found = surface.in_use.shown.area[:, None], values(renderer)
+        assert np.sqrt((area * (found - before) ** 2).sum() / (area * before**2).sum()) < 0.15
+
+
 def test_the_gap_above_a_moved_panel_lights_nothing_else(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
     """The gap between a ceiling and an emissive panel is bright. While the panel moves, this light reaches no other surface.
 

@@ -15,7 +15,7 @@ from irrsplat.settings import WIDE
 
 SIDE = SIDES[1]  # of the gather of a probe, and of any other with few rays: its own rays still measure its noise
 _MOST = 2.0  # times the surface cache, the most that a record is taken to be brighter; and the most that its gradient grows
-_DARK = 0.1  # of the mean irradiance: below, the ratio of a record to the surface cache is not known
+_DARK = 0.1  # of the greater mean irradiance: below, the ratio of a record to the surface cache is not known
 MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 
 
@@ -80,7 +80,7 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
     A record holds its former ratio to the surface cache, which resolves near surfaces less. Its probe follows, too, so that the
     next probe corrects the estimate.
     """
-    numbers, floor = np.arange(cache.count), _DARK * float(before.mean()) + 1e-20
+    numbers, floor = np.arange(cache.count), _DARK * float(max(before.mean(), after.mean())) + 1e-20
     x = columns_of(cache, numbers)
     E = after * np.minimum((x[:, :3] + floor) / (before + floor), _MOST)
     scale = np.minimum(E / np.maximum(x[:, :3], 1e-20), _MOST)
