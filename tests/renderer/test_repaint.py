@@ -99,6 +99,20 @@ def test_indirect_light_follows_paint_and_sky_that_change_in_every_tick(what: st
     assert np.sqrt(np.mean((found - reference) ** 2)) < 0.115 * reference.mean()  # measured: 0.069 and 0.088
 
 
+def test_no_picture_is_too_bright_after_paint_that_grows_lighter_in_every_tick() -> None:
+    """Unfinished coarse light is of earlier paint. Records that probes change meanwhile would change twice by the next values."""
+    cornell, reds = irrsplat.load("cornell"), []
+    paints = [replace(cornell.meshes[0].material, albedo=(0.1 * step, 0.4, 0.4)) for step in range(9)]
+    with use_clock(RayClock(6e5)), Renderer(cornell, (64, 48)) as renderer:
+        renderer.frame(seconds=0.05)  # makes the coarse values
+        renderer.repaint(0, paints[0])
+        renderer.render()
+        for paint in (*paints, *12 * paints[-1:]):  # a tick lasts a quarter of the time that coarse values take
+            renderer.repaint(0, paint)
+            reds.append(renderer.frame(seconds=0.05)[0].read().irradiance[..., 0].mean())
+        assert max(reds) < 1.02 * renderer.render().irradiance[..., 0].mean()
+
+
 def test_the_same_paint_again_makes_nothing_stale(ctx: moderngl.Context) -> None:
     with Renderer(world(), SIZE, ctx=ctx, **FAST) as renderer:
         renderer.render()

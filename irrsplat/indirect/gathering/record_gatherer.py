@@ -330,8 +330,9 @@ class RecordGatherer(Owner):
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
         if change is not None:
             self.basis = replace(self.basis, relit=self.basis.relit and not surface.current, from_file=None)
-        current = surface.level.complete if self.difference else change is not None or surface.current
-        ready = surface.result is not None and current
+        # coarse values of light before and after a change are older than the light that probes find
+        current = surface.current or (change is not None and surface.in_use.follower is not None)
+        ready = surface.result is not None and (surface.level.complete if self.difference else current)
         self._waited = waits and ready
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
