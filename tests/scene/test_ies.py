@@ -214,6 +214,7 @@ def test_a_light_file_sets_place_and_brightness(write: Callable[..., Scene]) -> 
     ("text", "file", "line", "message"),
     [
         ("scale 1 2 1\nlight a.ies\n", "a.scene", 4, "stretches the luminaire"),
+        ("light t.ldt\n", "t.ldt", None, "convert EULUMDAT (.ldt) to .ies"),
         ("ies a.ies\nposition 0 0 0 1\n", "a.light", 1, "add: spotDirection X Y Z"),
         ("ies a.ies\nposition 0 0 0 0\nspotDirection 0 0 1\n", "a.light", 2, "expected W 1"),
         ("ies a.ies\nposition 0 0 0 1\nspotDirection 0 0 0\n", "a.light", 3, "its own position"),
@@ -228,8 +229,8 @@ def test_a_luminaire_s_malformed_line_is_an_error_with_its_place(
     write: Callable[..., Scene], text: str, file: str, line: int | None, message: str
 ) -> None:
     with pytest.raises(InputError, match=re.escape(message)) as caught:
-        if file == "a.scene":
-            lights(write, text)
+        if text.startswith(("scale", "light")):
+            lights(write, text, t_ldt="Maker\n1\n1\n24\n15\n")
         else:
             lights(write, "light a.light\n", a_light=text)
     assert f"{file}:" + ("" if line is None else f"{line}:") in str(caught.value) and "\n" not in str(caught.value)

@@ -40,7 +40,8 @@ def load_ies(path: Path, notices: list[str], files: list[Path]) -> Photometry:
     text = text_bytes(path, strict=False).decode("utf-8", "replace").split("\n")
     tilt = next((i for i, line in enumerate(text) if _TILT.match(line)), None)
     if tilt is None:
-        raise InputError("there is no line TILT=; expected a photometric file of luminaires (ANSI/IES LM-63)", path)
+        expected = "expected a photometric file of luminaires (ANSI/IES LM-63); convert EULUMDAT (.ldt) to .ies"
+        raise InputError(f"there is no line TILT=; {expected}", path)
     header = next((found for line in text[:tilt] if (found := _HEADER.match(line))), None)
     numbers = _Numbers(path, text, tilt + 1)
     factor = _tilt(text[tilt].partition("=")[2].strip(), numbers, tilt + 1, notices, files)

@@ -147,7 +147,7 @@ class _Reader:
     def _light(self, line: Line) -> None:
         self.first_brightness = self.first_brightness or line
         path = self._path(line)
-        if path.suffix.lower() != ".ies":
+        if path.suffix.lower() not in (".ies", ".ldt"):  # the reader of .ies refuses .ldt with a remedy
             self.lights.append(self.light_reader.light(path, self.per_unit))
             return
         photometry = self.light_reader.photometry(path)
