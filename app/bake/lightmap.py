@@ -205,7 +205,7 @@ class Encoding:
 
         values, on = getattr(made, form), made.owner
         bright = values.max(-1)
-        limit = limit_of(bright[on >= 0])
+        limit = limit_of(bright[on >= 0], np.ones(np.count_nonzero(on >= 0)))
         owner = on[tuple(ndimage.distance_transform_edt(on < 0, return_distances=False, return_indices=True))]
         charts = int(made.charts.chart.max(initial=-1)) + 1
         most = np.minimum(ndimage.maximum(bright, owner, np.arange(charts)), limit)
@@ -221,11 +221,12 @@ class Encoding:
         return Encoding(png, strength, group.ravel()[made.charts.chart], limit, clipped)
 
 
-def limit_of(values: np.ndarray) -> float:
-    """Return the least limit that clips at most the share _CLIPPED of the sum of values (N,)."""
-    down = np.sort(values)[::-1].astype(float)
-    excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # clipped sum at each limit
-    within = np.flatnonzero(excess <= _CLIPPED * down.sum())
+def limit_of(values: np.ndarray, area: np.ndarray) -> float:
+    """Return the least limit that clips at most the share _CLIPPED of all light; values, area: (N,)."""
+    order = np.argsort(values, kind="stable")[::-1]
+    down, area = values[order].astype(float), area[order].astype(float)
+    excess = np.cumsum(area * down) - np.cumsum(area) * down  # clipped light at each limit
+    within = np.flatnonzero(excess <= _CLIPPED * (area @ down))
     return float(down[within[-1]]) if len(within) else 0.0
 
 

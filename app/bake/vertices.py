@@ -18,7 +18,7 @@ from irrsplat.app.bake.lightmap import Light, limit_of, texture_coordinates
 from irrsplat.app.bake.places import Receivers, hidden, places
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import along_a_way
+from irrsplat.core.vectors import along_a_way, triangle_areas
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.scene.model import Scene
 from irrsplat.scene.model.checks import check_type
@@ -228,11 +228,13 @@ def glb_of(made: VertexLight) -> bytes:
     tint = np.where(coloured[:, None], blended(surfaces.albedo), 1.0)
     # Reflection only: light in the vertices and colours in the material; with emission, radiance in the vertices
     colours = np.where(glows[:, None], lit * there.albedo + there.emission, lit * tint)
-    strength = limit_of(colours.max(1)) or 1.0
+    positions = blended(surfaces.positions)
+    area = np.bincount(cut.faces.ravel(), np.repeat(triangle_areas(positions[cut.faces]), 3), len(positions))
+    strength = limit_of(colours.max(1), area) or 1.0
     about = {"light": made.light, "unit": "W/(m² sr)", "strength": strength}
     glb = Glb({"irrsplat": about}, receivers.origin)
     glb.use("KHR_materials_unlit")
-    normals, positions = blended(surfaces.normals), blended(surfaces.positions)
+    normals = blended(surfaces.normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
     uvs, opacity = blended(surfaces.uvs), blended(surfaces.opacity[:, None])
     for i, mesh in enumerate(receivers.meshes):

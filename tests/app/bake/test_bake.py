@@ -212,6 +212,19 @@ def test_charts_fit_a_small_map_wherever_the_scene_lies() -> None:
         assert all(uv.max(initial=0.0) <= 64.0 for uv in charts.uv)
 
 
+def test_the_range_of_vertex_colours_counts_light_by_area(tmp_path: Path) -> None:
+    """E = π·L everywhere on a large square. The many vertices of a small one, of all colours, have hardly any light."""
+    from irrsplat.app.bake import bake_vertices
+
+    coin = trimesh.Trimesh(square(side=0.01).positions + np.array([1.5, 0.0, 0.0]), square().faces)
+    for _ in range(6):
+        coin = coin.subdivide()
+    colours = np.tile(np.linspace(0.0, 1.0, len(coin.vertices))[:, None], 3)
+    coloured = irrsplat.make_mesh(coin.vertices, coin.faces, colors=colours)
+    (path,) = bake_vertices(under_a_sky(square(), coloured), **FAST).save(tmp_path / "v.glb")
+    assert parts(path)[0]["asset"]["extras"]["irrsplat"]["strength"] == pytest.approx(3.0, rel=0.006)
+
+
 def test_the_command_writes_and_reports_the_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
