@@ -135,9 +135,12 @@ FREE = [[0.0, 0.001, 0.0], [1.5, 1.001, 1.5], [0.99, 0.5, 1.5], [1.5, 0.3, -1.5]
 FREE += [[-1.5, 1.1, -1.5], [2.9, 2.9, 2.9], [5.0, 1.0, 0.0]]
 
 
-def test_what_lies_in_a_solid(furnished: Scene) -> None:
+@pytest.mark.parametrize("step", [1, -1], ids=["wound outward", "wound inward"])
+def test_what_lies_in_a_solid(furnished: Scene, step: int) -> None:
+    """Closed meshes are solids, and a mesh with a light is a room, however they are wound."""
+    meshes = [replace(m, faces=m.faces[:, ::step], closed=step > 0) if m.closed else m for m in furnished.meshes]
     points = np.array([*SOLID, *FREE])
-    found = inside_solids(furnished, points, np.broadcast_to(np.array(UP), points.shape))
+    found = inside_solids(replace(furnished, meshes=tuple(meshes)), points, np.broadcast_to(np.array(UP), points.shape))
     assert found.tolist() == [True] * len(SOLID) + [False] * len(FREE)
 
 

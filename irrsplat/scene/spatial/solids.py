@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from irrsplat.core.vectors import pairs, sphere
+from irrsplat.core.vectors import as_float32, pairs, sphere
 from irrsplat.scene.appearance import in_order
+from irrsplat.scene.io.mesh_builder import is_closed
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.seen_by_light import CLOSED, OPEN, sort_of
 
@@ -21,8 +23,8 @@ _RISE = 0.1  # least cosine between a direction and a point's normal, since flat
 def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Return (N,) True for points (N, 3) within a solid; points lie just above their surface, with unit normals (N, 3).
 
-    A solid is a mesh whose triangles face away from the point in all tested directions. A mesh that contains a light, a camera or
-    an emitter by the same test counts as a room.
+    A solid is a mesh whose triangles face away from the point in all tested directions; all triangles of a closed mesh may face
+    inward. A mesh that contains a light, a camera or an emitter by the same test counts as a room.
     """
     found = np.zeros(len(points), bool)
     lamps = [light.position for light in scene.lights if not light.directional]
@@ -31,6 +33,9 @@ def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.n
     for mesh in scene.meshes:
         if len(mesh.faces) and sort_of(mesh) in (CLOSED, OPEN):
             near = np.flatnonzero(~found & in_box(points, mesh))
+            reverse = mesh.faces[:, ::-1]
+            if len(near) and not mesh.closed and is_closed(as_float32(mesh.positions), reverse):
+                mesh = replace(mesh, faces=reverse, closed=True)
             near = near[enclosed(points[near], normals[near], mesh)]
             held = free[in_box(free, mesh)]
             if len(near) and not enclosed(held, np.broadcast_to(normals[near[0]], held.shape), mesh).any():
