@@ -42,6 +42,11 @@ class Sky:
     notices: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
 
+    def in_watts(self, per_unit: float) -> Sky:
+        """Return the sky for a `radiance` in units of `per_unit` W/(m² sr). An environment has its own unit."""
+        r, g, b = self.radiance
+        return replace(self, radiance=(r * per_unit, g * per_unit, b * per_unit))
+
 
 def sky_of(text: str | None) -> Sky | None:
     """Return the sky of a loader's option `sky`, with paths from the current folder; None for None.

@@ -196,7 +196,8 @@ def test_photometric_files_have_179_lumen_in_a_watt(file, show):
     glow = {"emissiveFactor": [1, 0.5, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 358}}}
     file.node(mesh=file.mesh(glow))
     file.node(mesh=file.mesh(base(baseColorFactor=[0.25, 0.5, 1, 1]) | {"extensions": {"KHR_materials_unlit": {}}}))
-    scene = show(photometric=True)
+    scene = show(photometric=True, sky="179 358 0")
+    assert scene.sky == pytest.approx((1, 2, 0))
     assert [light.color for light in scene.lights] == [pytest.approx((500 / 179,) * 3), pytest.approx((1,) * 3)]
     assert [mesh.material.emission for mesh in scene.meshes] == [pytest.approx((2, 1, 0)), (0.25, 0.5, 1)]
 

@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 
+import irrsplat
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.obj.reader import load_obj
 
@@ -115,6 +116,7 @@ def test_photometric_units_are_divided_by_179_lumens_per_watt(write, units, watt
     assert [light.color for light in scene.lights] == [(179 / watt, 358 / watt, 537 / watt), (179 / watt, 179 / watt, 0)]
     assert scene.sky == (17.9 / watt, 0, 0) and scene.meshes[0].material.emission == (0, 358 / watt, 0)
     assert scene.meshes[0].material.albedo == (1, 0, 0)
+    assert irrsplat.load(scene.path, sky="0 17.9 0").sky == (0, 17.9 / watt, 0)
 
 
 def refused(write, text, file, line, message, **files):

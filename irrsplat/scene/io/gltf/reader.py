@@ -87,7 +87,7 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
         meshes,
         found_lights,
         found_cameras,
-        sky,
+        sky and sky.in_watts(document.per_unit),
         {str(path): reader.degenerate},
         document.notices(),
         list(document.contents),

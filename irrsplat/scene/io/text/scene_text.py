@@ -96,6 +96,7 @@ class _Reader:
             meshes.append(built.mesh)
             dropped[str(built.part.files[0])] += built.dropped
         files, sky = [*self.shapes, *self.light_reader.files], self.other_sky or self.sky
+        sky = sky and sky.in_watts(self.per_unit)
         return finish(path, meshes, self.lights, cameras, sky, dropped, self.light_reader.notices, files, None, origin)
 
     def _once(self, key: str, line: Line) -> None:
@@ -171,8 +172,8 @@ class _Reader:
 
     def _sky(self, line: Line) -> None:
         self._once("sky", line)
-        sky = sky_text.parse(line.rest, line.path.parent, line.error)
-        self.sky = replace(sky, radiance=self._radiance(line, *sky.radiance))
+        self.first_brightness = self.first_brightness or line
+        self.sky = sky_text.parse(line.rest, line.path.parent, line.error)
 
     def _push(self, line: Line) -> None:
         line.numbers(USAGE["push"])
