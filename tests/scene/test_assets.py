@@ -159,6 +159,14 @@ def test_ply_vertex_colours_become_linear(write: Write) -> None:
     assert by_place[0, 0, 1] == pytest.approx([0, 0, 10 / 255 / 12.92])
 
 
+def test_ply_colours_of_faces_are_reported(write: Write) -> None:
+    colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+    head, _, _ = PLY.replace(colours, "").replace("indices\n", f"indices\n{colours}").partition("0 0 0 0 0 0")
+    rows = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1 9 9 9\n3 0 1 3 9 9 9\n3 0 3 2 9 9 9\n3 1 2 3 9 9 9\n"
+    scene = write("a.ply", head + rows)
+    assert scene.triangles == 4 and any("the colours of the faces are not shown" in notice for notice in scene.notices)
+
+
 def test_ply_normals_are_kept(write: Write) -> None:
     text = PLY.partition("0 0 0 0 0 0")[0]
     for i, colour in enumerate(("red", "green", "blue")):

@@ -63,8 +63,8 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     """Read the faces of the file as one part; vertex colours are sRGB.
 
     Columns are x y z, nx ny nz, red green blue and `vertex_indices`. Missing normals are computed by the crease angle. Invalid
-    faces are left out, and textures are not shown, with a notice. Raises InputError for a truncated file, for no PLY file, and
-    for one without faces.
+    faces are left out, and textures and colours of faces are not shown, with a notice. Raises InputError for a truncated file,
+    for no PLY file, and for one without faces.
     """
     data = read_bytes(path, MOST_GEOMETRY)
     end = re.search(rb"end_header[ \t]*(\r\n|\n|\r)", data[:100_000])
@@ -84,8 +84,8 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     vertex = tables.get("vertex", {})
     if not {"x", "y", "z"} <= vertex.keys():
         raise InputError("there are no vertices in this file; expected an element 'vertex' with x, y and z", path)
-    positions = _stacked(vertex, ("x", "y", "z"))
-    corners, lost = _triangles(positions, tables.get("face", {}))
+    positions, face = _stacked(vertex, ("x", "y", "z")), tables.get("face", {})
+    corners, lost = _triangles(positions, face)
     if not len(corners):
         raise InputError("there are no faces in this file; a cloud of points can't be lit", path)
     if lost:
@@ -96,6 +96,8 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     colors = None
     if own := next((names for names in _COLORS if vertex.keys() >= set(names)), None):
         colors = _unit_colors(np.stack([np.asarray(vertex[name]) for name in own], 1))
+    elif any(face.keys() >= set(names) for names in _COLORS):
+        notices.append(f"{path}: the colours of the faces are not shown; save the file with colours of vertices to keep them")
     normals, corner_normals = None, None
     if vertex.keys() >= {"nx", "ny", "nz"}:
         normals = _stacked(vertex, ("nx", "ny", "nz"))
