@@ -74,11 +74,14 @@ def unwrap(receivers: Receivers, size: int) -> Charts:
 
 
 def _packed(xatlas: Any, receivers: Receivers, size: int, density: float) -> Any:
-    """Return the atlas of all meshes at `density` texels per metre; 0: xatlas's estimate for the size."""
-    atlas = xatlas.Atlas()
+    """Return the atlas of all meshes at `density` texels per unit; 0: xatlas's estimate for the size.
+
+    The unit is about the scene's diagonal, because xatlas leaves out triangles below an absolute area.
+    """
+    atlas, per_metre = xatlas.Atlas(), 2.0 ** -np.round(np.log2(receivers.scene.diagonal))
     for mesh in receivers.meshes:
         flat = np.ascontiguousarray
-        atlas.add_mesh(flat(mesh.positions, np.float32), flat(mesh.faces, np.uint32), flat(mesh.normals, np.float32))
+        atlas.add_mesh(flat(per_metre * mesh.positions, np.float32), flat(mesh.faces, np.uint32), flat(mesh.normals, np.float32))
     packing = xatlas.PackOptions()
     packing.padding, packing.bilinear = PADDING, True
     if density:
