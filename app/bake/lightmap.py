@@ -254,6 +254,9 @@ def glb_of(made: Lightmap, form: Form) -> bytes:
         }
         if form == "irradiance" and mesh.colors is not None and not material.unlit:
             attributes["COLOR_0"] = mesh.colors[vertex]
+        if mesh.opacities is not None:
+            colours = attributes.get("COLOR_0", np.ones((len(vertex), 3)))
+            attributes["COLOR_0"] = np.column_stack([colours, np.clip(mesh.opacities[vertex], 0.0, 1.0)])
         part = encoding.part[first_face : first_face + len(mesh.faces)]
         first_face += len(mesh.faces)
         parts = []
@@ -267,6 +270,8 @@ def glb_of(made: Lightmap, form: Form) -> bytes:
             else:
                 entry = own_material(glb, mesh, two_sided, lying)
                 entry["extras"] = {"lightMap": {**picture, "strength": strength}}
+            if mesh.opacities is not None:  # in place of the material's
+                entry["pbrMetallicRoughness"]["baseColorFactor"][3] = 1.0
             parts.append((made.charts.faces[i][part == number], glb.add("materials", entry)))
         glb.mesh(source.name, attributes, parts)
     return glb.encoded(scene.cameras)

@@ -17,6 +17,7 @@ import irrsplat
 from irrsplat.app import cli
 from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
+from irrsplat.app.bake.lightmap import Form
 from irrsplat.app.bake.places import Receivers
 from irrsplat.scene.model import Camera, Image, Material, Mesh, Scene, Texture
 
@@ -110,6 +111,19 @@ def test_the_irradiance_form_keeps_materials_and_refers_to_the_map(textured: tup
     assert again.meshes[0].material.albedo == (0.5, 0.5, 0.5) and again.meshes[0].material.albedo_texture is not None
     with OpenEXR.File(str(folder / "irradiance.exr")) as file:
         assert np.array_equal(file.channels()["RGB"].pixels, made.irradiance)
+
+
+@pytest.mark.parametrize("form", ["radiance", "irradiance"])
+def test_a_lightmap_of_a_microscopic_mesh_keeps_the_opacity_of_its_vertices(tmp_path: Path, form: Form) -> None:
+    """A square of 2 µm under a sky: E = π·L in its map, and alpha in its vertices."""
+    pytest.importorskip("xatlas")
+    from irrsplat.app.bake import bake_lightmap
+
+    clear = replace(square(side=2e-6, alpha_mode="blend"), opacities=np.array([1.0, 1.0, 0.125, 0.75], np.float32))
+    made = bake_lightmap(under_a_sky(clear), 32, **FAST)
+    assert np.abs(made.irradiance / (np.pi * np.array(SKY)) - 1.0).max() < 0.01
+    (mesh,) = irrsplat.load(made.save(tmp_path / "a.glb", form)[0]).meshes
+    assert mesh.opacities is not None and sorted(mesh.opacities.tolist()) == [0.125, 0.75, 1.0, 1.0]
 
 
 def test_hidden_texels_are_filled_from_their_own_chart() -> None:
