@@ -39,7 +39,6 @@ _BETWEEN = 0.3  # of the squared target error: the surface cache's share, above 
 LAST = 40  # steps
 _LEAVE = 0.8  # of the picture's error: pixels with less are not refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
-_STEP = 2.0  # levels at once
 _RAYS = 2.0  # of the squared target error: the greatest ray noise of a record, since several contribute to a pixel
 _AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
 
@@ -250,6 +249,6 @@ def _finer_by(uncertainty: np.ndarray) -> np.ndarray:
 
     limit = _LEAVE**2 * float(uncertainty[uncertainty > 0.0].mean())  # the variance's relation to the error's square cancels out
     # the error is about proportional to the square of the reach, so that a level halves the error
-    more = np.clip(0.5 * np.log2(np.maximum(uncertainty, 1e-30) / limit), 0.0, _STEP)
+    more = np.maximum(0.5 * np.log2(np.maximum(uncertainty, 1e-30) / limit), 0.0)
     around = round(blur_of(len(uncertainty)))
     return np.asarray(ndimage.gaussian_filter(ndimage.maximum_filter(more, 2 * around + 1), around))
