@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from irrsplat.records.cache_file import Content
     from irrsplat.records.merge import Merged
 
+_COVERED = "others cover their places; a view may request a few records again"
+
 
 def add(commands: Any) -> None:
     words = "inspect, merge and prune cache files"
@@ -95,7 +97,7 @@ def _merge(args: argparse.Namespace) -> int:
                 f"this record cache was made {reason}, as '{args.files[0]}' was; only caches of one scene merge", path
             )
     done = merge([content.state for content in contents], contents[0].settings())
-    return _write(args.output, contents[0], done, "covered by others")
+    return _write(args.output, contents[0], done, _COVERED)
 
 
 def _prune(args: argparse.Namespace) -> int:
@@ -105,7 +107,7 @@ def _prune(args: argparse.Namespace) -> int:
 
     files.check_file(args.output)
     content = cache_file.read_any(args.file)
-    words = "covered by others" if args.most is None else "least useful"
+    words = _COVERED if args.most is None else "the best covered first"
     return _write(args.output, content, prune(content.state, content.settings(), args.most), words)
 
 
@@ -115,5 +117,5 @@ def _write(path: str, content: Content, done: Merged, why: str) -> int:
 
     cache_file.write(path, content.key, done.state)
     count = len(done.state.records["id"])
-    out(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out, {why}")
+    out(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out: {why}")
     return 0

@@ -16,6 +16,8 @@ from irrsplat.scene.stand_ins.up_axis import axes, nearest_axis
 from irrsplat.sky.environment import frame_of
 from irrsplat.sky.sky_text import Sky
 
+NO_CAMERA = ": no camera"  # words of a notice about an added camera
+
 
 def finish(
     path: Path,
@@ -58,7 +60,7 @@ def finish(
     if not cameras:
         added, inside = camera.default_camera(main_part, points, world, room_places)
         where = "in the room" if inside else "that sees the whole scene" if main_part is scene else "that sees most of the scene"
-        notices.append(f"{path}: no camera; added a camera {where}")
+        notices.append(f"{path}{NO_CAMERA}; added a camera {where}")
         scene, main_part = replace(scene, cameras=(added,)), replace(main_part, cameras=(added,))
     if up is None:
         if sky is None and not lights and not scene.emissive:

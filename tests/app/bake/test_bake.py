@@ -109,6 +109,7 @@ def test_the_irradiance_form_keeps_materials_and_refers_to_the_map(textured: tup
     assert light_map["strength"] == pytest.approx(made.irradiance.max(), rel=0.02)
     again = irrsplat.load(str(folder / "irradiance.glb"))  # irrsplat reads the original colours
     assert again.meshes[0].material.albedo == (0.5, 0.5, 0.5) and again.meshes[0].material.albedo_texture is not None
+    assert not any("not shown" in notice for notice in again.notices)
     with OpenEXR.File(str(folder / "irradiance.exr")) as file:
         assert np.array_equal(file.channels()["RGB"].pixels, made.irradiance)
 

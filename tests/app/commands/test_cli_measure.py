@@ -75,12 +75,13 @@ def test_points_as_a_table_and_as_csv(lit: Path, capsys: pytest.CaptureFixture[s
     assert lines[0].split() == ["x", "y", "z", "direct", "indirect", "total", "status"]
     assert lines[1].split() == ["0", "0", "0", "447.5", "0", "447.5", "ok"]
     assert lines[2].split() == ["0", "1", "0", "0", "0", "0", "ok"], "the point faces down to a black floor"
+    (lit / "lit.scene").write_text(SCENE.replace("cam 0 3 5 0 0 0 0 1 0\n", ""))
     assert cli.main([*MEASURE, *points, "-o", "-"]) == 0
     out, err = capsys.readouterr()
     head = [f"{kind}_{channel}" for kind in ("direct", "indirect", "total") for channel in "rgb"]
     assert out.splitlines()[0].split(",") == ["x", "y", "z", *head, "status"]
     assert out.splitlines()[1].startswith("0,0,0,2.5,2.5,2.5,0,") and len(out.splitlines()) == 3
-    assert "mean" in err and "mean" not in out
+    assert "mean" in err and "mean" not in out and "camera" not in err
 
 
 def test_a_line_includes_both_ends(lit: Path, capsys: pytest.CaptureFixture[str]) -> None:
