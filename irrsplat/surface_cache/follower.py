@@ -34,7 +34,7 @@ class Follower:
         self.direct: np.ndarray | None = None
         self._beyond = E_1  # c once `begin` has taken F·D away
         self.relit = False
-        self._kept = 1.0  # share of c that is valid for the present light
+        self._kept = np.ones((sites.records.count, 1))  # share of each site's c that is valid for the present light
         self._moved_emitters = np.zeros(sites.records.count, bool)  # True for sites on emissive meshes that have moved
 
     @property
@@ -79,27 +79,33 @@ class Follower:
         assert self.direct is not None
         D = self._rays.direct_light(self._sites, shadows)
         if self.relit:
-            self._kept, self.relit = overlap(self.direct, D, self._sites.area), False
-        beyond = self._beyond * np.where(emits(self._rays.world.scene), 1.0, self._kept).astype(np.float32)
+            self._kept[:], self.relit = overlap(self.direct, D, self._sites.area), False
         if len(gathered):
-            beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
-            self._beyond[gathered] = beyond[gathered]
+            self._beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
+            self._kept[gathered] = 1.0
+        beyond = self._beyond * np.where(emits(self._rays.world.scene), 1.0, self._kept).astype(np.float32)
+        hidden = self._hidden
         least, change = _SMALL * E.mean(), np.inf
         while change > least:
-            before, E = E, np.maximum(self._bounced(beyond, D + E), 0.0)
+            before, E = E, np.maximum(self._bounced(beyond, D + E, hidden), 0.0)
             least, change = max(least, _SMALL * E.mean()), np.abs(E - before).mean()
         return E
 
-    def _bounced(self, beyond: np.ndarray, light: np.ndarray) -> np.ndarray:
-        """Return (S, 3) the irradiance by `light` at the sites and by the residual `beyond`, W/m²."""
+    @property
+    def _hidden(self) -> np.ndarray | None:
+        """(S, 1) True for sites whose rays mostly meet moved emitters; None without moved emitters."""
+        if not self._moved_emitters.any():
+            return None
+        moved = np.repeat(self._moved_emitters[:, None], 3, axis=1)
+        reflected, whole = (self._transport(sites).sum(1) for sites in (moved, np.ones_like(moved)))
+        return np.asarray(reflected > _HIDDEN * whole)[:, None]
+
+    def _bounced(self, beyond: np.ndarray, light: np.ndarray, hidden: np.ndarray | None) -> np.ndarray:
+        """Return (S, 3) the irradiance by `light` at the sites and by the residual `beyond`, W/m². hidden: see `_hidden`."""
         E: np.ndarray = beyond + self._transport(light)
-        if self._moved_emitters.any():
+        if hidden is not None:  # only stale rows of F have rays from afar to hidden sites
             stale = np.flatnonzero(self._sites.records.column("due"))
-            moved = np.repeat(self._moved_emitters[:, None], 3, axis=1)
-            reflected, whole = (self._transport(sites).sum(1) for sites in (moved, np.ones_like(moved)))
-            # rays of sites behind moved emitters mostly meet these; only stale rows of F have rays from afar to such sites
-            visible = np.where((reflected > _HIDDEN * whole)[:, None], 0.0, light)
-            E[stale] = beyond[stale] + self._transport(visible, stale)
+            E[stale] = beyond[stale] + self._transport(np.where(hidden, 0.0, light), stale)
         return E
 
 
