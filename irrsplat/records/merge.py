@@ -57,7 +57,7 @@ def prune(state: CacheState, settings: Settings, most: int | None = None) -> Mer
 def _without_covered(state: CacheState, settings: Settings, may: np.ndarray, most: int | None = None) -> Merged:
     """Drop records that `may` (N,) go, the best covered first, see `prune`."""
     table = _Table.of(state, settings)
-    pairs = _Pairs.among(table)
+    pairs = _Pairs.among(table, np.flatnonzero(may))
     kept = np.ones(len(table), bool)
     while most is None or kept.sum() > most:
         total = pairs.sums(kept)
@@ -116,7 +116,7 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Weights of records at each other's places.
+    """Weights of records at the places of others.
 
     place, other: (P,) numbers of the records. weight: (P,) w of `other` at `place`, above 0.
     """
@@ -127,10 +127,10 @@ class _Pairs:
     weight: np.ndarray
 
     @classmethod
-    def among(cls, table: _Table) -> _Pairs:
-        """Compute the weights."""
+    def among(cls, table: _Table, places: np.ndarray) -> _Pairs:
+        """Compute the weights at the places of these records (P,)."""
         position, count = table.columns["position"], len(table)
-        places = np.argsort(table.widest, kind="stable")  # keeps the search radius of batches small
+        places = places[np.argsort(table.widest[places], kind="stable")]  # keeps the search radius of batches small
         tree = cKDTree(position)
         none = np.zeros(0, np.intp)
         chunks = [(none, none, np.zeros(0))]
