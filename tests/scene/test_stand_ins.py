@@ -70,7 +70,11 @@ def test_an_object_is_wholly_in_view_from_the_front_and_above(thing: Mesh, up: s
     points = scene.meshes[0].positions
     assert inside(scene, points).all()
     x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T
-    assert (np.maximum(np.abs(x), np.abs(y)) / -z).max() > 0.85 * math.tan(math.radians(camera.fov / 2.0)), "it fills the picture"
+    slope = math.tan(math.radians(camera.fov / 2.0))
+    assert (np.maximum(np.abs(x), np.abs(y)) / -z).max() > 0.85 * slope, "it fills the picture"
+    margins = [[(slope / 1.08 * z + side).max(), (slope / 1.08 * z - side).max()] for side in (x, y)]
+    assert np.ptp(margins, axis=1) == pytest.approx(0.0, abs=1e-5 * scene.diagonal), "it is in the middle of the picture"
+    assert np.max(margins) == pytest.approx(0.0, abs=1e-5 * scene.diagonal), "no camera in this direction is nearer"
 
 
 @pytest.mark.parametrize(("up", "at"), [("y", (0.4, 0.5)), ("z", (-1.7, -2.6))])
@@ -95,11 +99,13 @@ def test_a_room_that_lacks_a_wall_is_seen_from_there() -> None:
 
 
 def test_an_object_on_a_vast_ground_fills_the_picture() -> None:
-    """The camera is about as near as without the ground, with the same target."""
+    """The camera is about as near as without the ground, and the object is near the middle."""
     ground, thing = floor(80.0), sphere((3, 1, -2), 1.0)
     alone, camera = finished(thing).camera(), finished(ground, thing).camera()
     far, farther = (np.linalg.norm(np.subtract(one.eye, one.target)) for one in (alone, camera))
-    assert far < farther < 2.0 * far and np.allclose(camera.target, alone.target, atol=0.1)
+    x, y, z = camera.axes @ ((3, 1, -2) - np.asarray(camera.eye))
+    assert far < farther < 2.0 * far and inside(finished(ground, thing), thing.positions).all()
+    assert np.hypot(x, y) < -z * math.tan(math.radians(camera.fov / 2.0)) / 3.0
 
 
 def has_own_light(scene: Scene) -> bool:

@@ -94,16 +94,21 @@ def enclosure_of_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, r
 
 
 def _camera_in_front(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
-    """Return the nearest camera in direction `way` (right, up and front) that sees every vertex."""
+    """Return the nearest camera in direction `way` (right, up and front) that sees every vertex; they are in mid-picture."""
     out = way @ axes
     centre = scene.bounds.mean(0)
     towards = Camera(vector(centre + out), vector(centre), vector(axes[1]), _OUTSIDE)
-    slope, reach = np.tan(np.radians(_OUTSIDE) / 2.0), 0.05 * scene.diagonal
+    slope = np.tan(np.radians(_OUTSIDE) / 2.0) / 1.08  # 8 % is the margin of the picture
+    farthest = np.zeros(
+        4
+    )  # on the sides x, y, -x, -y: the distance of a plane of the view from the centre, which is in view, too
     for points in (mesh.positions for mesh in scene.meshes if len(mesh.positions)):
         x, y, z = towards.axes.astype("f4") @ (points - centre.astype("f4")).T
-        reach = max(reach, float((z + np.maximum(np.abs(x), np.abs(y)) / slope).max()))
-    distance = 1.08 * reach
-    return Camera(vector(centre + distance * out), vector(centre), vector(axes[1]), _OUTSIDE)
+        farthest = np.maximum(farthest, [(side + slope * z).max() for side in (x, y, -x, -y)])
+    aside = 0.5 * (farthest[:2] - farthest[2:])  # equal distances to opposite planes
+    reach = max(0.05 * scene.diagonal, float((farthest[:2] + farthest[2:]).max()) / (2.0 * slope))
+    target = centre + aside @ towards.axes[:2]
+    return Camera(vector(target + reach * out), vector(target), vector(axes[1]), _OUTSIDE)
 
 
 def _way_out(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
