@@ -214,6 +214,7 @@ def test_a_damaged_material_camera_or_light_costs_only_itself(file, show):
     file.node(extensions={"KHR_lights_punctual": {"light": 5}})
     scene = show()
     assert [mesh.material.albedo for mesh in scene.meshes] == [(0.5, 0.5, 0.5), (1, 1, 1), (0.5, 0.5, 0.5)]
+    assert not scene.emissive, "the texture says where the surface emits"
     for line in (
         "material 0 is left out: its baseColorFactor is damaged",
         "the camera of node 2 is left out: its perspective is damaged",

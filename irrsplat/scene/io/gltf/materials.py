@@ -103,7 +103,8 @@ class Materials:
         alpha_mode: AlphaMode = mode if mode in get_args(AlphaMode) else "opaque"  # type: ignore[assignment]  # mypy can't narrow
         material = Material(
             albedo=clip_color((r, g, b)),
-            emission=_emission(entry, self.document.per_unit),
+            # most of a texture of emission is black: the factor alone would light the whole surface
+            emission=(0.0, 0.0, 0.0) if infos[1] and emission is None else _emission(entry, self.document.per_unit),
             albedo_texture=color,
             emission_texture=emission,
             normal_texture=normal,
