@@ -99,9 +99,8 @@ def _camera_in_front(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
     centre = scene.bounds.mean(0)
     towards = Camera(vector(centre + out), vector(centre), vector(axes[1]), _OUTSIDE)
     slope = np.tan(np.radians(_OUTSIDE) / 2.0) / 1.08  # 8 % is the margin of the picture
-    farthest = np.zeros(
-        4
-    )  # on the sides x, y, -x, -y: the distance of a plane of the view from the centre, which is in view, too
+    # on the sides x, y, -x, -y: the distance of a plane of the view from the centre, which is in view, too
+    farthest = np.zeros(4)
     for points in (mesh.positions for mesh in scene.meshes if len(mesh.positions)):
         x, y, z = towards.axes.astype("f4") @ (points - centre.astype("f4")).T
         farthest = np.maximum(farthest, [(side + slope * z).max() for side in (x, y, -x, -y)])
