@@ -124,7 +124,8 @@ class Session(Owner):
         """Advance by `dt` seconds: record the flight, and give the caches `seconds` of time. Return True if the views are new.
 
         waits: a call that returns True if input waits. The tick then ends early, and the views of the last tick stay. A tick that
-        may free buffers of these views never ends early. gather: False if the views are drawn with the present records.
+        may free buffers of these views never ends early; without views, its budget does. gather: False if the views are drawn
+        with the present records.
         """
         self.path_recorder.tick(dt, self.camera)
         subject = self._subject
@@ -132,7 +133,7 @@ class Session(Owner):
         sizes = zip(self.views, self.active, strict=False)  # the next view of a moving camera may differ in size
         kept = kept and (self.whole or not self.moving or all(v.image.size == r.size_in_motion for v, r in sizes))
         try:
-            with checked_by(waits if kept else never):
+            with checked_by(waits if kept or not self.views else never, raises=kept):
                 made = [self._advance(side, seconds / len(self.active), gather) for side in range(len(self.active))]
         except InputWaits:
             return False

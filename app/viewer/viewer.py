@@ -191,11 +191,11 @@ class Viewer(Owner):
             self.controls.fly(passed)
             session.tick(passed, seconds, gather=False)
         if not session.views:  # the scene or the size is new
-            session.tick(0.0, seconds)
+            session.tick(0.0, seconds, lambda: self.desktop.waits(False))
         if first:  # the first picture takes a while, and notices are invisible before it
             end, gatherer = now() + _DARK, session.renderers[0].scheduler.gatherer
-            while gatherer.awaits_light and now() < end and not session.options.frozen:
-                session.tick(0.0, seconds)
+            while gatherer.awaits_light and now() < end and not (session.options.frozen or self.desktop.waits(False)):
+                session.tick(0.0, seconds, lambda: self.desktop.waits(False))
             self.actions.messages.renew()
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:

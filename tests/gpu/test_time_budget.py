@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.timing.clock import Clock, use_clock
+from irrsplat.core.timing.input_waits import InputWaits, checked_by, stop_for_input
 from irrsplat.gpu.time_budget import Budget, Pace
 from tests.support.counted_clock import RayClock
 
@@ -130,3 +131,12 @@ def test_work_that_takes_no_time_by_the_clock_is_done_at_once(ctx: moderngl.Cont
         pace = Pace(ctx)
         assert sum(some.stop - some.start for some in pace.batches(500, 1000, Budget(0.01))) == 500
         assert sum(some.stop - some.start for some in pace.batches(500, 1000, Budget(0.01))) == 500
+
+
+def test_input_ends_the_budget_of_a_tick_that_must_make_a_picture() -> None:
+    """The tick after a new size has no older picture to keep: its stages run to their end."""
+    with checked_by(lambda: True, raises=False):
+        stop_for_input()
+        assert Budget(1.0).left == -np.inf and Budget(None).left == np.inf
+    with checked_by(lambda: True), pytest.raises(InputWaits):
+        stop_for_input()

@@ -19,17 +19,17 @@ def never() -> bool:
     return False
 
 
-_checks: list[Callable[[], bool]] = [never]  # the last one is in use
+_checks: list[tuple[Callable[[], bool], bool]] = [(never, True)]  # the last one is in use; True if InputWaits may be raised
 
 
 def input_waits() -> bool:
     """Return True if input waits, by the check in use."""
-    return _checks[-1]()
+    return _checks[-1][0]()
 
 
 def interruptible() -> bool:
     """Return True if input may end the present work."""
-    return _checks[-1] is not never
+    return _checks[-1][0] is not never
 
 
 def stop_for_input(ctx: moderngl.Context | None = None) -> None:
@@ -37,16 +37,17 @@ def stop_for_input(ctx: moderngl.Context | None = None) -> None:
 
     ctx: an OpenGL context whose draws are finished first, so that the check comes after them.
     """
-    if ctx is not None and interruptible():
+    _, raises = _checks[-1]
+    if raises and ctx is not None and interruptible():
         ctx.finish()
-    if input_waits():
+    if raises and input_waits():
         raise InputWaits
 
 
 @contextmanager
-def checked_by(check: Callable[[], bool]) -> Iterator[None]:
-    """Use `check` as the test for waiting input within the block."""
-    _checks.append(check)
+def checked_by(check: Callable[[], bool], raises: bool = True) -> Iterator[None]:
+    """Use `check` as the test for waiting input within the block. raises: False if input ends budgets only."""
+    _checks.append((check, raises))
     try:
         yield
     finally:
