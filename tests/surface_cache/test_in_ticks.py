@@ -167,7 +167,7 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
         assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
 
 
-def test_light_at_sites_returns_with_a_lamp_that_has_left_the_room(ctx: moderngl.Context) -> None:
+def test_light_at_sites_returns_with_a_light_that_has_left_the_room(ctx: moderngl.Context) -> None:
     """The residual of the gather counts again, and bounces beyond the first do not wait for further ticks.
 
     The last step changes the light by less than 5 %. Surfaces reflect up to 80 %, so that further steps would add a few times as
