@@ -193,12 +193,13 @@ class RecordScheduler(Owner):
     def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
         """Advance the spot check of a view that requests no record, within the budget, and queue records at failures.
 
-        There is no check without room for further records, nor with settings that ignore inter-record variance.
+        There is no check without new records since the last one, without room for further ones, nor with settings that ignore
+        inter-record variance.
         """
         check, gatherer = view.check, self.gatherer
         if check is None:
             pays = gatherer.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]  # a gather has four times the rays
-            if not (spots and self.room and self.settings.spread and pays):
+            if not (spots and self.room and self.settings.spread and pays and self._checked < self.cache.count):
                 return replace(view, checked=True)
             left = self._unchecked(screen.spots())
             check = SpotCheck(left, left)
