@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Sequence
+from functools import partial
 
 import moderngl
 from imgui_bundle import imgui
@@ -190,12 +191,13 @@ class Viewer(Owner):
             self._unspent = -passed  # the next tick counts this time again
             self.controls.fly(passed)
             session.tick(passed, seconds, gather=False)
+        waits = partial(self.desktop.waits, False)
         if not session.views:  # the scene or the size is new
-            session.tick(0.0, seconds, lambda: self.desktop.waits(False))
+            session.tick(0.0, seconds, waits)
         if first:  # the first picture takes a while, and notices are invisible before it
             end, gatherer = now() + _DARK, session.renderers[0].scheduler.gatherer
-            while gatherer.awaits_light and now() < end and not (session.options.frozen or self.desktop.waits(False)):
-                session.tick(0.0, seconds, lambda: self.desktop.waits(False))
+            while gatherer.awaits_light and now() < end and not (session.options.frozen or waits()):
+                session.tick(0.0, seconds, waits)
             self.actions.messages.renew()
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
