@@ -10,6 +10,7 @@ from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import moderngl
+import numpy as np
 
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
@@ -35,7 +36,11 @@ _LARGE = 20_000  # triangles
 
 
 class World(Owner):
-    """A scene on the GPU, shared by all passes that draw it or trace rays in it, and updated when the scene changes."""
+    """A scene on the GPU, shared by all passes that draw it or trace rays in it, and updated when the scene changes.
+
+    eyes: (N, 3) metres, of the present view, whose surroundings have the finest cells of the surface cache; the scene's cameras
+    before any view.
+    """
 
     def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
         self.ctx = ctx
@@ -55,6 +60,7 @@ class World(Owner):
         self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None  # and the meshes that they are of
         self._pending_tree: Future[Bvh] | None = None
         self._pending_caster: Future[RayCaster] | None = None
+        self.eyes = np.array([camera.eye for camera in scene.cameras], float).reshape(-1, 3)
 
     @property
     def raster_uniforms(self) -> Uniforms:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing.clock import now
@@ -111,6 +113,7 @@ class Frames(Owner):
         stages, later = stages or self.stages, state.picture_seconds if picture else 0.0
         shadows = self.follow_scene(state)  # 3.3
         gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
+        stages.world.eyes = np.array([camera.eye])
         view = self.view_state(state, camera)
         if stages is self.moving.stages:
             view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import partial
 
 import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.timing.background import Steps, in_background
-from irrsplat.core.vectors import sphere, squares_from_boxes, triangle_areas
+from irrsplat.core.vectors import sphere
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.scene.appearance import flatten, in_order
@@ -24,7 +24,7 @@ from irrsplat.scene.seen_by_light import CLOSED, face_counts, sort_of
 from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.clustering import Choice, Clusters
-from irrsplat.surface_cache.tessellation import tessellate
+from irrsplat.surface_cache.tessellation import Graded, Grading, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 4000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
@@ -42,9 +42,7 @@ _PLACES = 32  # greatest number of lights and cameras with fine cells around the
 _STEEP_PLACES = 128  # greatest number of lights and parts of emitters with fine cells around them
 _PANEL = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
-_LEAST_COUNT = 1e-6  # of a triangle's area; around places that lie in a surface, all triangles have it
 _BEFORE = 0.9  # of the visible shares of two edges: the place that is tested for a recess
-_ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
 
 
 @dataclass(frozen=True)
@@ -104,12 +102,14 @@ class SiteLayout:
 class SiteChooser:
     """Choice of the sites of a scene, step by step.
 
-    reach: the visible share of segments, see RayCaster.reach. detail: the density of the surface cache.
+    reach: the visible share of segments, see RayCaster.reach. detail: the density of the surface cache. eyes: (N, 3) metres, of
+    the views that it lights.
     """
 
     scene: Scene
     reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
+    eyes: np.ndarray
 
     @property
     def offset(self) -> float:
@@ -137,12 +137,12 @@ class SiteChooser:
 
         Return the clusters, and the sites of the first round.
         """
-        places = _interesting(self.scene)
-        rooms = yield from self._rooms(places)
-        vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms))
+        places = _interesting(self.scene, self.eyes)
+        grading = Grading(places, (yield from self._rooms(places)))
+        vertices, faces, graded, area = yield from in_background(partial(self._surfaces, grading))
         points = float(np.clip(len(faces), self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
-        return (yield from in_background(partial(self._cut, vertices, faces, spacing, wider)))
+        return (yield from in_background(partial(self._cut, vertices, faces, spacing, graded)))
 
     def _rooms(self, places: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) metres: the upper quartile of distances from `places` (N, 3) to surfaces."""
@@ -152,26 +152,15 @@ class SiteChooser:
         rooms = [np.quantile(one[one < 1.0], 0.75) if (one < 1.0).any() else 1.0 for one in reach.reshape(-1, _DIRECTIONS)]
         return far * np.array(rooms)
 
-    def _surfaces(self, places: np.ndarray, rooms: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-        """Return the vertices, the faces that light sees, see flatten, their effective area in m², and factors
-        (F,) on their steps.
-
-        places, rooms: of lights and cameras, and the reach of their surroundings, see _rooms.
-        """
+    def _surfaces(self, grading: Grading) -> tuple[np.ndarray, np.ndarray, Graded, float]:
+        """Return the vertices, the faces that light sees, see flatten, their steps by `grading`, and their effective area, m²."""
         vertices, faces = flatten(self.scene)
         faces = faces[: face_counts(self.scene).lit]
-        corners = vertex_column(vertices, "position")[faces]
-        area, counts = triangle_areas(corners), np.zeros(len(faces))
-        columns = np.ascontiguousarray(corners.transpose(1, 2, 0))  # of the first, the second and the third corners
-        low, high = (reduce(extreme, columns) for extreme in (np.minimum, np.maximum))
-        for place, reach in zip(places.astype(np.float32), (_ROOMS * rooms).astype(np.float32), strict=True):
-            away = squares_from_boxes(low, high, place)
-            counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach**2 / np.maximum(away, 1e-30), 1.0) ** 2
-        counts = np.clip(counts, _LEAST_COUNT * area, area) if len(places) else area
-        return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-300))
+        graded, area = grading.graded(vertex_column(vertices, "position")[faces])
+        return vertices, faces, graded, area
 
-    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, Choice]:
-        """Return the clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long, and their first sites.
+    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, graded: Graded) -> tuple[Clusters, Choice]:
+        """Return the clusters of a tessellation with steps of `spacing` metres, or longer as `graded`, and their first sites.
 
         Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
         """
@@ -179,7 +168,7 @@ class SiteChooser:
         mesh = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         emits = np.array([any(one.material.emission) for one in meshes], bool)[mesh[: len(faces)]]
         lights = _steep_places(self.scene, vertices, faces[emits], spacing)
-        tessellation = tessellate(vertices, faces, spacing * wider, self.offset, lights, ~emits)
+        tessellation = tessellate(vertices, faces, spacing, self.offset, lights, ~emits, graded)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
         inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one member represents all unlit interiors
@@ -340,11 +329,11 @@ class SiteChooser:
         return free
 
 
-def _interesting(scene: Scene) -> np.ndarray:
-    """Return (N, 3) metres, the places of the scene's cameras, lights and emitters."""
+def _interesting(scene: Scene, eyes: np.ndarray) -> np.ndarray:
+    """Return (N, 3) metres, the `eyes` (N, 3) of views, and the places of the scene's lights and emitters."""
     lights = [light.position for light in scene.lights if not light.directional]
     emitters = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
-    places = np.array([*(camera.eye for camera in scene.cameras), *lights, *emitters], float).reshape(-1, 3)
+    places = np.array([*eyes, *lights, *emitters], float).reshape(-1, 3)
     return places[:: -(-len(places) // _PLACES) or 1]
 
 

@@ -234,7 +234,8 @@ class SiteLevel(Owner):
         """Return the sites once all are chosen; None if the budget ends before."""
         if self.sites is None:
             steps = self._steps
-            steps.choosing = steps.choosing or SiteChooser(self.world.scene, self._rays.reach, self.detail).layout()
+            world = self.world
+            steps.choosing = steps.choosing or SiteChooser(world.scene, self._rays.reach, self.detail, world.eyes).layout()
             layout = budget.advance(steps.choosing)
             if layout is None:
                 return None

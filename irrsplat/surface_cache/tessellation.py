@@ -8,6 +8,7 @@ part into cells. A sliver is cut into strips across its long edges, because its 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -19,6 +20,58 @@ _SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point
 _SLIVER = 16  # least number of strips of a sliver, each as wide as the spacing or the sliver's shortest edge, the longer one
 _DENSE = 64.0  # the most cells of a triangle at first, of those by its area, where there are too many
 _FINEST = 4  # greatest number of times that steps close to lights are halved
+_ROOMS = 3.0  # of the size of surroundings: distance up to which area counts in full; beyond, steps grow by its square
+_LEAST_COUNT = 1e-6  # of a triangle's area; around places that lie in a surface, all triangles have it
+_MAX_PIECES = 32  # parts along an edge of a triangle that extends beyond the surroundings, at most
+
+
+@dataclass(frozen=True)
+class Grading:
+    """Lengths of steps by their place: the spacing in the surroundings of lights and cameras, longer beyond.
+
+    places: (N, 3) metres, of lights and cameras. rooms: (N,) metres, the extents of their surroundings.
+    """
+
+    places: np.ndarray
+    rooms: np.ndarray
+
+    def factors(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the factors (F,) on the steps of triangles `p` (F, 3, 3), and the number of parts (F,) along their edges.
+
+        A triangle with longer steps has parts if it is longer than half of the reach of a place, and than its distance.
+        """
+        area = triangle_areas(p)
+        counts, pieces = np.zeros(len(p)), np.ones(len(p))
+        columns = np.ascontiguousarray(p.transpose(1, 2, 0))  # of the first, the second and the third corners
+        low, high = (reduce(extreme, columns) for extreme in (np.minimum, np.maximum))
+        for place, reach in zip(self.places.astype(np.float32), (_ROOMS * self.rooms).astype(np.float32), strict=True):
+            away, full = squares_from_boxes(low, high, place), 0.25 * reach**2
+            counts += np.minimum(area, full) * np.minimum(reach**2 / np.maximum(away, 1e-30), 1.0) ** 2
+            large = np.flatnonzero(area > full)
+            pieces[large] = np.maximum(
+                pieces[large], _edges(p[large]).max(0) / np.maximum(np.sqrt(away[large]), max(0.5 * reach, 1e-30))
+            )
+        counts = np.clip(counts, _LEAST_COUNT * area, area) if len(self.places) else area
+        wider = np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-300))
+        return wider, np.where(wider < 2.0, 1, np.minimum(pieces, _MAX_PIECES)).astype(np.intp)
+
+    def graded(self, p: np.ndarray) -> tuple[Graded, float]:
+        """Return the steps of triangles `p` (F, 3, 3), and their area by the density of their cells, m²."""
+        wider, pieces = self.factors(p)
+        uneven = pieces > 1
+        parts = _parts(p[uneven], pieces[uneven], np.full(uneven.sum(), -1), pieces[uneven] ** 2)
+        cells = (p[~uneven], wider[~uneven]), (parts, self.factors(parts)[0])
+        counts = [triangle_areas(of) / factor**2 for of, factor in cells]
+        return Graded(self, wider, pieces), float(np.concatenate(counts).sum())
+
+
+@dataclass(frozen=True)
+class Graded:
+    """Steps of F triangles. wider: (F,) factors on the spacing. pieces: (F,) parts along an edge; `grading` has their steps."""
+
+    grading: Grading
+    wider: np.ndarray
+    pieces: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -48,46 +101,50 @@ class Tessellation:
 def tessellate(
     vertices: np.ndarray,
     faces: np.ndarray,
-    spacing: float | np.ndarray,
+    spacing: float,
     inset: float,
     lights: np.ndarray | None = None,
     lit: np.ndarray | bool = True,
+    graded: Graded | None = None,
 ) -> Tessellation:
-    """Return the tessellation with steps of at most `spacing` metres, one number or (F,), or longer beyond _MAX_CELLS cells.
+    """Return the tessellation with steps of at most `spacing` metres, or longer beyond _MAX_CELLS cells.
 
     vertices: (V, WIDTH), rows of core/vertex_layout.py; faces: (F, 3), see `flatten`. lights: (K, 4) places and sizes
     in metres of lights. A step near one is at most as long as the distance and the size together. lit: (F,) False for triangles
-    whose steps do not depend on lights.
+    whose steps do not depend on lights. graded: longer steps of triangles.
     """
     p, normals = (vertex_column(vertices, name)[faces] for name in ("position", "normal"))
-    spacing = np.broadcast_to(spacing, len(p))
+    graded = graded or Graded(Grading(np.zeros((0, 3)), np.zeros(0)), np.ones(len(p)), np.ones(len(p), np.intp))
+    uneven, step = graded.pieces > 1, spacing * graded.wider
     edges = _edges(p)
     longest = edges.max(0)
-    n = steps(p, longest, spacing)
-    strips = _strips(longest, np.maximum(np.maximum(edges.min(0), spacing), 1e-30))
+    n = np.where(uneven, graded.pieces, steps(p, longest, step))
+    strips = _strips(longest, np.maximum(np.maximum(edges.min(0), step), 1e-30))
     sliver = strips >= _SLIVER
     near = np.zeros(len(p), bool)
-    close = np.flatnonzero(lit & (longest > _SMALL * spacing))
-    near[close] = _halvings(p[close], spacing[close], lights) > 0
-    cut = np.flatnonzero(near | sliver)
+    close = np.flatnonzero(lit & (longest > _SMALL * step))
+    near[close] = _halvings(p[close], step[close], lights) > 0
+    cut = np.flatnonzero(near | sliver | uneven)
     apex = np.where(sliver[cut], (edges[:, cut].argmin(0) + 2) % 3, -1)
-    pieces = np.where(apex < 0, n[cut], strips[cut])
-    parts = np.where(apex < 0, pieces**2, 2 * pieces - 1)
+    along = np.where(apex < 0, n[cut], strips[cut])
+    parts = np.where(apex < 0, along**2, 2 * along - 1)
     row = np.concatenate([np.arange(len(p)), np.repeat(cut, parts)])  # the triangle of each row of the table
     table = np.zeros((len(row), 2), np.float32)
-    table[cut] = np.stack([-pieces - 0.25 * (apex + 1), len(p) + np.cumsum(parts) - parts], axis=1)
+    table[cut] = np.stack([-along - 0.25 * (apex + 1), len(p) + np.cumsum(parts) - parts], axis=1)
     level = np.zeros(len(row), np.intp)
     if len(cut):
-        p, normals = (np.concatenate([of, _parts(of[cut], pieces, apex, parts)]) for of in (p, normals))
-        whole = row[len(faces) :]
-        level[len(faces) :] = near[whole] * _halvings(p[len(faces) :], spacing[whole], lights)
-        longest, spacing = _edges(p).max(0), spacing[row] * 0.5**level
-        n = steps(p, longest, spacing)
+        p, normals = (np.concatenate([of, _parts(of[cut], along, apex, parts)]) for of in (p, normals))
+        step = step[row]
+        other = len(faces) + np.flatnonzero(uneven[row[len(faces) :]])
+        step[other] = spacing * graded.grading.factors(p[other])[0]
+        level[len(faces) :] = near[row[len(faces) :]] * _halvings(p[len(faces) :], step[len(faces) :], lights)
+        longest, step = _edges(p).max(0), step * 0.5**level
+        n = steps(p, longest, step)
         n[cut] = 0  # their parts have all cells
     unit, size = triangle_normals(p)
     geometric = unit.T.astype(np.float32)
 
-    tiny = longest <= _SMALL * spacing
+    tiny = longest <= _SMALL * step
     counts = np.where(tiny, 1, (n + 1) * (n + 2) // 2) * (n > 0)
     begin, first = (np.cumsum(of) - of for of in (counts, n * n))
     face, face_of_cell = (np.repeat(np.arange(len(p)), of) for of in (counts, n * n))

@@ -8,7 +8,7 @@ import pytest
 
 from irrsplat import Renderer, irradiance, render
 from irrsplat.core.buffers import Sites
-from irrsplat.core.vertex_layout import PARTS, WIDTH
+from irrsplat.core.vertex_layout import PARTS, WIDTH, vertex_column
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
@@ -19,7 +19,7 @@ from irrsplat.surface_cache import clustering, tessellation
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.site_layout import Detail, SiteChooser, detail_for
-from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
+from irrsplat.surface_cache.tessellation import Grading, Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
 from tests.support.worlds import box, floor, gather, material, point_light, quad, scene, sites, sphere
@@ -151,6 +151,32 @@ def test_steps_are_short_near_a_small_light() -> None:
     assert found.level.max() == 3 and not found.level[found.position[:, 0] > 2.5].any()
 
 
+def test_steps_on_a_vast_ground_are_short_around_a_view() -> None:
+    """A ground of 400 m is two triangles. Steps of 0.5 m are at most twice as long up to three times the extent of the room.
+
+    With one density for each triangle, cells had tens of metres there: furniture hid the few values of a room's floor.
+    """
+    ground = scene(quad((-200, 0, -200), (0, 0, 400), (400, 0, 0)))
+    vertices, faces = flatten(ground)
+    graded, area = Grading(np.array([[0.0, 1.6, 0.0]]), np.array([3.0])).graded(vertex_column(vertices, "position")[faces])
+    found = tessellate(vertices, faces, 0.5, INSET, graded=graded)
+    corners = found.position[found.corners].astype(float)
+    longest = np.max([np.linalg.norm(corners[:, k] - corners[:, k - 1], axis=-1) for k in range(3)], axis=0)
+    away = np.linalg.norm(corners.mean(1)[:, [0, 2]], axis=-1)
+    assert longest[away < 7.0].max() <= 1.0 and np.count_nonzero(away > 100.0) < 2000, "a part has one cell there"
+    assert found.area.sum() == pytest.approx(160_000, rel=1e-4) and area < 2000.0 and len(found.corners) < 20_000
+
+
+def test_the_light_of_a_view_is_independent_of_the_cameras_of_the_scene() -> None:
+    shell = [quad((-3, 0, -3), (0, 2.5, 0), (6, 0, 0)), quad((-3, 2.5, -3), (0, 0, 6), (6, 0, 0)), floor(100.0)]
+    inside, outside = Camera((1, 1.6, 2), (0, 1, -3)), Camera((40, 20, 60), (0, 1, 0))
+    lit = [
+        render(scene(*shell, sky=1.0, camera=own), (24, 16), camera=inside, preset="preview").irradiance
+        for own in (inside, outside)
+    ]
+    assert np.array_equal(*lit)
+
+
 # ---- sites ------------------------------------------------------------------------------------------------------------
 
 
@@ -178,14 +204,14 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     near = pairs[:, (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5]
     near = np.concatenate([near, near + len(every)], axis=1)
     for reach in (lambda *ends: sight(ball.ray_uniforms, *ends), ball.caster.reach):
-        chooser = SiteChooser(high, reach, Detail())
+        chooser = SiteChooser(high, reach, Detail(), np.zeros((0, 3)))
         assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1]))), "outside over the bulge, inside straight"
         assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every)))), "never through it"
     for gap, through in ((0.05, False), (0.5, True)):  # metres below a wall between two points that are 1 m apart on a floor
         gate, up = World(ctx, scene(quad((0, gap, -1), (0, 0, 2), (0, 1, 0)))), np.tile(np.array([0, 1, 0], np.float32), (2, 1))
         at = np.array([[-0.5, 0, 0], [0.5, 0, 0]], np.float32)
         points = Sites(at, up, up)
-        chooser = SiteChooser(high, gate.caster.reach, Detail())
+        chooser = SiteChooser(high, gate.caster.reach, Detail(), np.zeros((0, 3)))
         assert Budget(None).advance(chooser.see(points, np.array([0]), np.array([1]))) == [through]
 
 
@@ -194,7 +220,7 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 
 def clusters(world: World, detail: Detail) -> Clusters:
     """Return the members that the sites of a surface cache of this `detail` represent."""
-    made = Budget(None).advance(SiteChooser(world.scene, world.caster.reach, detail).choose())
+    made = Budget(None).advance(SiteChooser(world.scene, world.caster.reach, detail, world.eyes).choose())
     assert made is not None
     return made[0]
 
