@@ -174,7 +174,7 @@ def test_the_light_of_a_view_is_independent_of_the_cameras_of_the_scene() -> Non
         render(scene(*shell, sky=1.0, camera=own), (24, 16), camera=inside, preset="preview").irradiance
         for own in (inside, outside)
     ]
-    assert np.array_equal(*lit)
+    assert np.array_equal(lit[0], lit[1])
 
 
 # ---- sites ------------------------------------------------------------------------------------------------------------
