@@ -47,6 +47,7 @@ class SurfaceCache(Owner):
         self.in_use = self.before = self.level
         self._next: SiteLevel | None = None  # the unfinished finer level
         self._relit = False  # True while the full level has values of other lights or materials
+        self._eye, self._suits = b"", Memo()  # the eye of the last view
         self._no_sites, self._view_pass, self._viewed = no_sites(world.ctx), SurfaceViewPass(world.ctx), Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -156,6 +157,7 @@ class SurfaceCache(Owner):
 
         Return the relative change of the values that lookups find, 1 for new ones; None if they are as before.
         """
+        self._follow_view(budget)
         if self.level.complete:
             return None
         with self.timers("surface"):
@@ -171,6 +173,16 @@ class SurfaceCache(Owner):
         if changed is not None:
             self.in_use = made
         return changed
+
+    def _follow_view(self, budget: Budget) -> None:
+        """Choose the sites of a complete full level again if the view needs others. In ticks, this waits for a still camera."""
+        eye = self.world.eyes.tobytes()
+        moving, self._eye = budget.limited and eye != self._eye, eye
+        if not (self.level.complete and not moving):
+            return
+        if not self._suits.get("view", (eye, self.level.shown), self.level.suits_view):
+            self._drop_finer()
+            self.level.choose_again()
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Continue the next finer level within the budget. Return True if lookups use its values now.

@@ -84,8 +84,8 @@ class SiteLayout:
     """The sites of a surface cache, with S values, and the cells of the lookup.
 
     sites: (S,) positions of the gathers; the values SKY_VALUE and DARK_VALUE need no gather, and their positions have no
-    meaning. area: (S,) area of the surface that each site represents, m². level: (S,) of its cluster, see Clusters. triangles:
-    see Tessellation.table. cells: (C + H, 2, 4) float32. For each side of the C cells of the tessellation: numbers of the
+    meaning. area: (S,) area of the surface that each site represents, m². level: (S,) of its cluster, see Clusters. grading: of
+    the cells. triangles: see Tessellation.table. cells: (C + H, 2, 4) float32. For each side of the C cells: numbers of the
     values at the corners (-1: none), and 0 if all corners see each other. Otherwise an object occludes part of the cell, and
     the last number is that of one of the H further rows. These rows have the lines beyond which corners are hidden, see
     _borders.
@@ -94,6 +94,7 @@ class SiteLayout:
     sites: Sites
     area: np.ndarray
     level: np.ndarray
+    grading: Grading
     triangles: np.ndarray
     cells: np.ndarray
 
@@ -118,33 +119,33 @@ class SiteChooser:
 
     def layout(self) -> Steps[SiteLayout]:
         """Choose the sites: all steps in their order."""
-        clusters, chosen = yield from self.choose()
+        places = _interesting(self.scene, self.eyes)
+        grading = Grading(places, (yield from self.rooms(places)))
+        clusters, chosen = yield from self.choose(grading)
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
         cells = yield from self._cells(clusters)
         level, table = clusters.level[at], clusters.tessellation.table
-        return SiteLayout(clusters.members[at], area.astype(float), level, table, cells)
+        return SiteLayout(clusters.members[at], area.astype(float), level, grading, table, cells)
 
-    def choose(self) -> Steps[tuple[Clusters, np.ndarray]]:
+    def choose(self, grading: Grading) -> Steps[tuple[Clusters, np.ndarray]]:
         """Return the clusters with the numbers of their members' values, and the members (S,) that are sites."""
-        clusters, first = yield from self._cluster()
+        clusters, first = yield from self._cluster(grading)
         return clusters, (yield from self._assign(clusters, first))
 
-    def _cluster(self) -> Steps[tuple[Clusters, Choice]]:
+    def _cluster(self, grading: Grading) -> Steps[tuple[Clusters, Choice]]:
         """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites.
 
         Return the clusters, and the sites of the first round.
         """
-        places = _interesting(self.scene, self.eyes)
-        grading = Grading(places, (yield from self._rooms(places)))
         vertices, faces, graded, area = yield from in_background(partial(self._surfaces, grading))
         points = float(np.clip(len(faces), self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         return (yield from in_background(partial(self._cut, vertices, faces, spacing, graded)))
 
-    def _rooms(self, places: np.ndarray) -> Steps[np.ndarray]:
+    def rooms(self, places: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) metres: the upper quartile of distances from `places` (N, 3) to surfaces."""
         far = self.scene.diagonal
         starts = np.repeat(places, _DIRECTIONS, axis=0)

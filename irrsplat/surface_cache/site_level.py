@@ -121,7 +121,7 @@ class SiteLevel(Owner):
         if moved and self.follower is not None:
             self.follower.move(change)
         elif moved or not alike:
-            self._drop_sites()
+            self.choose_again()
         if change.dimming is not None:
             self._dim(change.dimming)
         if moved or relit:
@@ -156,7 +156,14 @@ class SiteLevel(Owner):
         self.complete = False
         self._steps.bouncing = None
 
-    def _drop_sites(self) -> None:
+    def suits_view(self) -> bool:
+        """True if another choice of sites would not halve the steps at the eye of the present view."""
+        eyes, diagonal = self.world.eyes, self.world.scene.diagonal
+        rooms = Budget(None).advance(self._chooser.rooms(eyes))
+        assert self.shown is not None and rooms is not None
+        return all(self.shown.grading.suits(eye, room, diagonal) for eye, room in zip(eyes, rooms, strict=True))
+
+    def choose_again(self) -> None:
         """Choose the sites again; the present sites stay until new values are complete."""
         if self.follower is None:
             self._forget_transport()
@@ -220,7 +227,7 @@ class SiteLevel(Owner):
         if follower is None or not (changing and budget.limited):
             if self._moved:
                 self.still, self._moved = np.inf, False
-                self._drop_sites()
+                self.choose_again()
             return None
         assert shown is not None and shown.light is not None
         order, before = follower.order, shown.light.irradiance
@@ -230,12 +237,15 @@ class SiteLevel(Owner):
         self._show(E)
         return float(np.abs(E - before).mean() / max(float(before.mean()), 1e-20))
 
+    @property
+    def _chooser(self) -> SiteChooser:
+        return SiteChooser(self.world.scene, self._rays.reach, self.detail, self.world.eyes)
+
     def _lay_out(self, budget: Budget) -> SurfaceSites | None:
         """Return the sites once all are chosen; None if the budget ends before."""
         if self.sites is None:
             steps = self._steps
-            world = self.world
-            steps.choosing = steps.choosing or SiteChooser(world.scene, self._rays.reach, self.detail, world.eyes).layout()
+            steps.choosing = steps.choosing or self._chooser.layout()
             layout = budget.advance(steps.choosing)
             if layout is None:
                 return None

@@ -16,19 +16,20 @@ from irrsplat.gpu.texel_table import row_count, table_rows
 from irrsplat.gpu.world import World
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.surface_cache.site_layout import SiteLayout
+from irrsplat.surface_cache.tessellation import Grading
 from irrsplat.surface_cache.transport import BouncedLight, Transport
 
 
 class SurfaceSites(Owner):
     """Sites on the GPU: a record for each of S values, in the order of the values, and the textures for lookups.
 
-    area: (S,) area of the surface that each site represents, m². level: (S,) see SiteLayout. places: (S·PLACES,) ray origins,
+    area: (S,) area of the surface that each site represents, m². level, grading: see SiteLayout. places: (S·PLACES,) ray origins,
     site by site, with their triangles. transport: light between the sites. light: light at the sites. Each is None while it is
     unknown.
     """
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:
-        self.area, self.level, count = layout.area, layout.level, len(layout.sites)
+        self.area, self.level, self.grading, count = layout.area, layout.level, layout.grading, len(layout.sites)
         self.places: Sites | None = None
         self.transport: Transport | None = None
         self.light: BouncedLight | None = None
@@ -74,4 +75,5 @@ def no_sites(ctx: moderngl.Context) -> SurfaceSites:
     The only triangle stands for all.
     """
     none, cells = np.zeros((0, 3)), np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2])
-    return SurfaceSites(ctx, SiteLayout(Sites(none, none, none), none[:, 0], none[:, 0], np.array([[1.0, 0.0]]), cells))
+    sites, grading, triangles = Sites(none, none, none), Grading(none, none[:, 0]), np.array([[1.0, 0.0]])
+    return SurfaceSites(ctx, SiteLayout(sites, none[:, 0], none[:, 0], grading, triangles, cells))

@@ -55,6 +55,16 @@ class Grading:
         wider = np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-300))
         return wider, np.where(wider < 2.0, 1, np.minimum(pieces, _MAX_PIECES)).astype(np.intp)
 
+    def suits(self, eye: np.ndarray, room: float, diagonal: float) -> bool:
+        """True if steps at `eye` (3,) would not be half as long in a grading for it. room: metres, of its surroundings.
+
+        The spacing of a grading is about proportional to the surroundings of its first place, as far as they are in the scene.
+        diagonal: of the scene, metres.
+        """
+        away = ((self.places - eye) ** 2).sum(1)
+        density = np.minimum((_ROOMS * self.rooms) ** 2 / np.maximum(away, 1e-30), 1.0) ** 2
+        return not len(away) or 2.0 * room * np.sqrt(min(float(density.sum()), 1.0)) >= min(self.rooms[0], diagonal / _ROOMS)
+
     def graded(self, p: np.ndarray) -> tuple[Graded, float]:
         """Return the steps of triangles `p` (F, 3, 3), and their area by the density of their cells, m²."""
         wider, pieces = self.factors(p)

@@ -167,14 +167,29 @@ def test_steps_on_a_vast_ground_are_short_around_a_view() -> None:
     assert found.area.sum() == pytest.approx(160_000, rel=1e-4) and area < 2000.0 and len(found.corners) < 20_000
 
 
-def test_the_light_of_a_view_is_independent_of_the_cameras_of_the_scene() -> None:
+def test_sites_follow_the_view_and_not_the_cameras_of_the_scene() -> None:
+    """A view of a room has the sites of a scene with its camera, also after a view of the vast ground around the room."""
     shell = [quad((-3, 0, -3), (0, 2.5, 0), (6, 0, 0)), quad((-3, 2.5, -3), (0, 0, 6), (6, 0, 0)), floor(100.0)]
     inside, outside = Camera((1, 1.6, 2), (0, 1, -3)), Camera((40, 20, 60), (0, 1, 0))
-    lit = [
-        render(scene(*shell, sky=1.0, camera=own), (24, 16), camera=inside, preset="preview").irradiance
-        for own in (inside, outside)
-    ]
-    assert np.array_equal(lit[0], lit[1])
+    found = []
+    for own, before in ((inside, None), (outside, None), (outside, outside)):
+        with Renderer(scene(*shell, sky=1.0, camera=own), size=(24, 16), preset="preview") as renderer:
+            if before is not None:
+                renderer.render(before)
+            renderer.render(inside)
+            sites = renderer.scheduler.gatherer.surface
+            assert sites is not None and sites.level.shown is not None
+            found.append(sites.level.shown.records.positions.copy())
+    assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+
+
+@pytest.mark.parametrize(("room", "suits"), [(20.0, True), (4.0, True), (2.0, False)])
+def test_sites_stay_unless_a_view_would_halve_their_steps(room: float, suits: bool) -> None:
+    """The first place has surroundings of 8 m, and its steps have one length up to 24 m; at 48 m, they are four times as long."""
+    grading = Grading(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([8.0, 1.0]))
+    assert grading.suits(np.array([20.0, 0.0, 0.0]), room, 1000.0) == suits
+    assert grading.suits(np.array([48.0, 0.0, 0.0]), 4.0 * room, 1000.0) == suits
+    assert grading.suits(np.array([20.0, 0.0, 0.0]), room, 12.0), "a smaller scene than the reach has one length of steps"
 
 
 # ---- sites ------------------------------------------------------------------------------------------------------------
@@ -220,7 +235,8 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 
 def clusters(world: World, detail: Detail) -> Clusters:
     """Return the members that the sites of a surface cache of this `detail` represent."""
-    made = Budget(None).advance(SiteChooser(world.scene, world.caster.reach, detail, world.eyes).choose())
+    chooser = SiteChooser(world.scene, world.caster.reach, detail, world.eyes)
+    made = Budget(None).advance(chooser.choose(Grading(np.zeros((0, 3)), np.zeros(0))))
     assert made is not None
     return made[0]
 
