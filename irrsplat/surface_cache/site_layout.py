@@ -120,7 +120,8 @@ class SiteChooser:
     def layout(self) -> Steps[SiteLayout]:
         """Choose the sites: all steps in their order."""
         places = _interesting(self.scene, self.eyes)
-        grading = Grading(places, (yield from self.rooms(places)))
+        rooms = yield from self.rooms(places)
+        grading = Grading(places, np.minimum(rooms, rooms[:1]))  # the middle of a luminous dome has vast surroundings
         clusters, chosen = yield from self.choose(grading)
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])

@@ -192,6 +192,22 @@ def test_sites_stay_unless_a_view_would_halve_their_steps(room: float, suits: bo
     assert grading.suits(np.array([20.0, 0.0, 0.0]), room, 12.0), "a smaller scene than the reach has one length of steps"
 
 
+def test_a_luminous_dome_leaves_the_sites_in_the_room() -> None:
+    """The middle of the dome is a place, too. Its surroundings of 300 m took sites from the room."""
+    paint, dome = material(0.8), sphere((0, 40, 0), 300.0, material(0.0, 1.0))
+    room = [box((-3, 0, -2), (3, 2.5, 2), paint, outward=False), box((0, 0, 0), (1, 1, 1), paint), floor(200.0)]
+    found = []
+    for around in ([], [dome]):
+        world = scene(*room, *around, lights=(point_light((0, 2, 0), 1.0),), camera=Camera((-2, 1.6, 1), (0, 1, 0)))
+        with Renderer(world, size=(8, 8)) as renderer:
+            renderer.render()
+            sites = renderer.scheduler.gatherer.surface
+            assert sites is not None and sites.level.shown is not None
+            at = sites.level.shown.records.positions
+            found.append(np.count_nonzero((np.abs(at) <= (3.1, 2.6, 2.1)).all(1)))
+    assert found[1] > 0.5 * found[0], found
+
+
 # ---- sites ------------------------------------------------------------------------------------------------------------
 
 
