@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 PRESET = "reference"  # accuracy before speed
 _LIGHT_SAMPLES = 1024  # per point by default: a window's light then has an error of about 0.3 %
 _FINEST = 128  # side of a gather from which the surface cache has its finest level, which takes about three times as long
+_EYES = 8  # greatest number of points around which the surface cache has the finest cells
 _AT_ONCE = 512  # points between two reports of progress
 _OWN = 4e-7  # of the greatest coordinate or diagonal: the resolution of float32, within which a point lies on a surface
 
@@ -68,16 +69,16 @@ class LightMeter(Tenant):
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
         """Return the readings of sensors at `points` (N, 3), metres, facing along `normals` (N, 3) or (3,), of any length.
 
-        A result depends on other points only through the point's number, which selects the directions of its rays. on_progress:
-        called repeatedly. Raises InputError for arrays of other shapes and non-finite numbers; IrrsplatError for a non-finite
-        reading.
+        A result depends on other points through its point's number, which selects the directions of its rays, and in a vast scene
+        on the place of the first points, around which the surface cache is finest. on_progress: called repeatedly. Raises
+        InputError for arrays of other shapes and non-finite numbers; IrrsplatError for a non-finite reading.
         """
         check_callback("on_progress", on_progress)
         places, sites = _sites(points, normals, self._origin)
         self._use()
         count = len(sites)
         direct, indirect, radius = (np.zeros(shape, np.float32) for shape in ((count, 3), (count, 3), count))
-        shadows, lights = self.lit.shadows, self._prepared()
+        shadows, lights = self.lit.shadows, self._prepared(sites)
         greatest = float(np.abs(self.scene.bounds + np.asarray(self._origin)).max())
         offset, own = offset_of(self.scene), _OWN * max(self.scene.diagonal, greatest)
         lift = np.full(count, offset)  # metres, of a ray origin above its point: at most half the way to the first surface
@@ -101,11 +102,16 @@ class LightMeter(Tenant):
         check_finite("the light", measured, lambda at: "{:g} {:g} {:g}".format(*places[at[0]]))
         return Readings(places, sites.normal, direct, indirect, status)
 
-    def _prepared(self) -> SiteLightPass:
-        """Return the pass of direct light; at first use, make the surface cache, its finest level for a fine gather."""
+    def _prepared(self, sites: Sites) -> SiteLightPass:
+        """Return the pass of direct light; at first use, make the surface cache, its finest level for a fine gather.
+
+        sites: the first ones to be measured.
+        """
         if self._direct is None:
             shadows = self.lit.shadows
-            if self.settings.most_bounces:
+            if self.settings.most_bounces and len(sites):
+                some = sites[:: -(-len(sites) // _EYES)]
+                self.world.eyes = some.position + 2.0 * offset_of(self.scene) * some.normal.astype(float)
                 self.gatherer.prepare(shadows, Budget(None))
                 surface = self.gatherer.surface
                 while surface is not None and surface.may_refine and self.settings.gather_size >= _FINEST:

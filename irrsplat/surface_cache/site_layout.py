@@ -121,7 +121,9 @@ class SiteChooser:
         """Choose the sites: all steps in their order."""
         places = _interesting(self.scene, self.eyes)
         rooms = yield from self.rooms(places)
-        grading = Grading(places, np.minimum(rooms, rooms[:1]))  # the middle of a luminous dome has vast surroundings
+        if len(self.eyes):  # the middle of a luminous dome has vast surroundings
+            rooms = np.minimum(rooms, np.median(rooms[: len(self.eyes)]))
+        grading = Grading(places, rooms)
         clusters, chosen = yield from self.choose(grading)
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
@@ -335,8 +337,8 @@ def _interesting(scene: Scene, eyes: np.ndarray) -> np.ndarray:
     """Return (N, 3) metres, the `eyes` (N, 3) of views, and the places of the scene's lights and emitters."""
     lights = [light.position for light in scene.lights if not light.directional]
     emitters = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
-    places = np.array([*eyes, *lights, *emitters], float).reshape(-1, 3)
-    return places[:: -(-len(places) // _PLACES) or 1]
+    others = np.array([*lights, *emitters], float).reshape(-1, 3)
+    return np.concatenate([eyes, others[:: -(-len(others) // (_PLACES - len(eyes))) or 1]])
 
 
 def _steep_places(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spacing: float) -> np.ndarray:
