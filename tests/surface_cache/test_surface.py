@@ -257,6 +257,15 @@ def clusters(world: World, detail: Detail) -> Clusters:
     return made[0]
 
 
+def test_steps_are_short_along_a_long_strip_light(ctx: moderngl.Context) -> None:
+    """Below a strip of 30 m by 4 cm, steps of 18 cm are halved twice everywhere, not only below every second part."""
+    strip = quad((-15, 0.05, -0.02), (30, 0, 0), (0, 0, 0.04), material(0.5, 10.0))
+    world = World(ctx, scene(quad((-16, 0, -1), (32, 0, 0), (0, 0, 2)), strip))
+    cells = clusters(world, Detail()).tessellation
+    below = (np.abs(cells.position) < (14.5, 0.01, 0.1)).all(1)
+    assert (cells.level[below] == 2).all()
+
+
 def oracle(
     cache: SurfaceCache, cut: Tessellation, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray
 ) -> np.ndarray:
