@@ -21,15 +21,16 @@ def moved(scene: Scene, loaded: Sequence[Mesh], mesh: int | str, transform: npt.
     """Return the scene with `mesh`, an index or a unique name, at `transform` from its `loaded` place, in its present material.
 
     transform: (4, 4) or (3, 4) affine, world_from_world. Triangles keep their numbers. The winding of a mirrored mesh is
-    reversed, so that a closed mesh stays closed. Raises InputError for an unknown mesh and for a matrix that is not affine, or
-    singular.
+    reversed, so that a closed mesh stays closed. Return `scene` itself if the mesh is there already. Raises InputError for an
+    unknown mesh and for a matrix that is not affine, or singular.
     """
     number, matrix = find(scene, mesh), affine(transform)
     meshes = list(scene.meshes)
     if any(scene.origin):  # positions are relative to the origin
         matrix[:3, 3] += matrix[:3, :3] @ scene.origin - scene.origin
-    meshes[number] = transformed(replace(loaded[number], material=meshes[number].material), matrix)
-    return replace(scene, meshes=tuple(meshes))
+    present = meshes[number]
+    meshes[number] = _posed(transformed(replace(loaded[number], material=present.material), matrix), present)
+    return scene if meshes[number] is present else replace(scene, meshes=tuple(meshes))
 
 
 def repainted(scene: Scene, mesh: int | str, material: Material) -> Scene:

@@ -50,6 +50,7 @@ def test_a_move_is_from_where_a_mesh_was_loaded() -> None:
     assert np.array_equal(once.meshes[1].positions, twice.meshes[1].positions)
     assert np.allclose(once.meshes[1].positions, world.meshes[1].positions + np.array([0.3, 0.1, 0.0]), atol=1e-6)
     assert all(once.meshes[i] is world.meshes[i] for i in (0, 2, 3)) and once.lights is world.lights
+    assert moved(once, world.meshes, 1, shift(0.3, 0.1)) is once, "a move to the present place changes nothing"
     back = moved(once, world.meshes, 1, np.eye(4)).meshes[1]
     assert np.array_equal(back.positions, world.meshes[1].positions)
 
