@@ -28,8 +28,9 @@ def located(source: str | os.PathLike[str]) -> Path:
     """Return the file that `load` reads for `source`; raise InputError for a missing file or an unknown format."""
     path, names = Path(source), bundled()
     exists, folder = os.path.exists(path), os.path.isdir(path)  # False for invalid file names
-    if (folder or not exists) and os.fspath(source) in names:
-        return paths.folder("scenes") / path / f"{path}.scene"
+    name = os.fspath(source).removesuffix(".scene")
+    if (folder or not exists) and name in names:
+        return paths.folder("scenes") / name / f"{name}.scene"
     if folder:
         raise InputError("this is a directory; give a file in it", path)
     if not exists:
@@ -49,7 +50,7 @@ def load(
     allow: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     photometric: bool = False,
 ) -> Scene:
-    """Load the scene at a path, or the bundled scene of that name, such as ``"cornell"``; an existing file takes precedence.
+    """Load the scene at a path, or a bundled scene, ``"cornell"`` or ``"cornell.scene"``; an existing file takes precedence.
 
     Formats are `.scene`, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
     right-handed, in metres. Meshes are relative to Scene.origin, which is not 0 0 0 for a scene far from there. `LoadOptions`

@@ -41,6 +41,7 @@ def test_names_paths_and_invalid_sources(tmp_path, monkeypatch):
         assert "\n" not in str(caught.value)
     (tmp_path / "furnace").mkdir()
     assert load("furnace").path != "furnace"  # a folder of that name is no file: the bundled scene is meant
+    assert load("cornell.scene").path == load("cornell").path
     (tmp_path / "UPPER.SCENE").write_text("sky 1 2 3\n")
     assert load("UPPER.SCENE").sky == (1, 2, 3)
     (tmp_path / "cornell").write_text("sky 1 2 3\n")
