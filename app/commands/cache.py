@@ -117,5 +117,6 @@ def _write(path: str, content: Content, done: Merged, why: str) -> int:
 
     cache_file.write(path, content.key, done.state)
     count = len(done.state.records["id"])
-    out(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out: {why}")
+    others = f"{done.dropped} were left out: {why}" if done.dropped else "none was left out"
+    out(f"{path}: {count} of {count + done.dropped} records; {others}")
     return 0

@@ -230,7 +230,9 @@ def test_merge_prune_and_info(place: Path, capsys: pytest.CaptureFixture[str], r
     assert max(a, b) < c < a + b
     assert capsys.readouterr().out.startswith(f"c.cache: {c} of {a + b} records; {a + b - c} were left out")
     assert cli.main(["cache", "prune", "c.cache", "-o", "d.cache", "--most", "100"]) == 0 and count("d.cache") == 100
+    capsys.readouterr()
     assert cli.main(["cache", "prune", "d.cache", "-o", "d.cache"]) == 0
+    assert capsys.readouterr().out == "d.cache: 100 of 100 records; none was left out\n"
     capsys.readouterr()
     assert cli.main(["cache", "info", "c.cache", "a.cache"]) == 0
     out = capsys.readouterr().out
