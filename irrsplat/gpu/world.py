@@ -26,7 +26,7 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.emitters import unlit_interiors
 from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
-from irrsplat.scene.seen_by_light import Holes, face_counts
+from irrsplat.scene.seen_by_light import CUT_OUT, Holes, face_counts, sort_of
 from irrsplat.scene.spatial.bvh import Bvh, build
 from irrsplat.scene.spatial.visible_parts import SceneParts
 
@@ -232,7 +232,8 @@ class World(Owner):
                 self._discard_ray_structures()
             else:
                 self.geometry.repaint(vertices)
-                self._pending_caster = None if self.geometry.counts.cut_out else self._pending_caster  # holes may differ
+                if any(sort_of(scene.meshes[i]) == CUT_OUT for i in change.repainted):
+                    self._pending_caster = None  # holes may differ
                 if triangles is not None:
                     triangles.repaint(vertices)
             found = runs(scene)

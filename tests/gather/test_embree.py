@@ -47,7 +47,8 @@ def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
 def test_it_passes_what_is_cut_out(ctx: moderngl.Context, wrap: Wrap) -> None:
     """Through fences with half cut out, one above another, a record sees the sky, and the wall in front of some of it.
 
-    Segments that pass all cut-out triangles end at the wall alone.
+    Segments that pass all cut-out triangles end at the wall alone. Paint on the wall keeps Embree's scene. A shift of the
+    pattern by a texel swaps posts and holes.
     """
     pattern = Texture(image(np.full((8, 8), 255), 255 * checker(8)), wrap=(wrap, wrap))
     paint, uvs = replace(material(0.5), albedo_texture=pattern, alpha_mode="mask", alpha_cutoff=0.5), np.zeros((4, 4), "f4")
@@ -60,7 +61,15 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context, wrap: Wrap) -> None:
         starts = np.random.default_rng(1).uniform(-0.9, 0.9, (200, 3)) * (1.0, 0.0, 1.0)
         ends = starts + np.array([0.0, 2.0, 0.0])
         whole, passed = (lit.world.caster.reach(starts, ends, cut_outs) for cut_outs in (True, False))
-        by_fences = np.mean(whole < 0.35)
+        by_fences, caster = np.mean(whole < 0.35), lit.world.caster
+        swapped = replace(paint, albedo_texture=replace(pattern, transform=(1.0, 0.0, 0.125, 0.0, 1.0, 0.0)))
+        opened = [replace(fence, material=swapped) for fence in fences]
+        repainted = [(*some, replace(behind, material=material(0.2))) for some in (fences, opened)]
+        states = [lit.scene, *(replace(lit.scene, meshes=meshes) for meshes in repainted)]
+        for before, after, kept in zip(states, states[1:], (True, False), strict=False):
+            lit.world.apply(SceneChange.between(before, after))
+            assert (lit.world.caster is caster) == kept
+        assert np.mean((lit.world.caster.reach(starts, ends) < 0.35) != (whole < 0.35)) > 0.6
     assert 0.3 < by_fences < 0.7 and np.allclose(passed, np.where(np.abs(starts).max(1) < 0.3, 0.4, 1.0), atol=1e-5)
     assert 0.1 * np.pi < truth.min() and truth.max() < 0.9 * np.pi, "there are fences"
     assert np.allclose(found, truth, rtol=2e-3)
