@@ -312,12 +312,12 @@ class Actions:
     def _open(self, source: str) -> None:
         check_path(source)
         self.announce(f"opening {os.path.basename(source)}")
-        scene = irrsplat.load(source, **vars(self.loading))
+        scene, former = irrsplat.load(source, **vars(self.loading)), self.session.notices
         self.session.open(scene)
         trim()
         self.editor = Editor(self.session)
-        self.messages.close_errors()
-        for notice in (*scene.notices, *self.session.renderers[0].notices):
+        self.messages.close_errors(former)
+        for notice in self.session.notices:
             self.say(notice)
         self.source, self.saved_as = source, ""
         self.preferences.opened(source)

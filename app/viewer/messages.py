@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from irrsplat.core.errors import IrrsplatError
@@ -55,8 +55,9 @@ class Messages:
         now = clock.now()
         return min((max(m.until - now, 0.0) for m in self.lines if not m.error), default=math.inf)
 
-    def close_errors(self) -> None:
-        self.lines = [m for m in self.lines if not m.error]
+    def close_errors(self, notices: Sequence[str] = ()) -> None:
+        """Close all errors, and these notices."""
+        self.lines = [m for m in self.lines if not m.error and m.text not in notices]
 
     def attempt(self, act: Callable[[], object]) -> None:
         """Call `act`, and show its error as a message."""

@@ -71,6 +71,11 @@ class Session(Owner):
     def owned(self) -> tuple[Resource | None, ...]:
         return (*self.renderers, self.tracing, self.plane)
 
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """The notices about the scene."""
+        return *self.scene.notices, *self.renderers[0].notices
+
     # ---- a tick ----------------------------------------------------------------------------------------------------
 
     @property

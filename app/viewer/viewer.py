@@ -82,7 +82,7 @@ class Viewer(Owner):
         self.wake()
         self._pass_interface()  # so that the first picture has the size of the area without panels
         self._fit()
-        for notice in (*scene.notices, *self.session.renderers[0].notices):
+        for notice in self.session.notices:
             self.actions.say(notice)
 
     @property

@@ -13,6 +13,7 @@ from irrsplat.app.viewer.input import commands
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
+from irrsplat.scene import FORMATS
 
 Dragged = Literal["", "view", "divider", "line", "orbit"]
 LEFT, RIGHT = 1, 2  # moderngl-window's numbers of mouse buttons
@@ -227,8 +228,10 @@ class Controls:
     # ---- the window ------------------------------------------------------------------------------------------------
 
     def files_dropped(self, paths: list[str]) -> None:
-        """Open the first of the files that were dropped on the window."""
-        self.actions.attempt(lambda: self.actions.open(paths[0]))
+        """Open the first scene among the files that were dropped on the window, such as a model with its textures."""
+        self.actions.attempt(
+            lambda: self.actions.open(next((path for path in paths if path.lower().endswith(FORMATS)), paths[0]))
+        )
 
     def focus_changed(self, focused: bool) -> None:
         """Release all keys and buttons when the window gains or loses the keyboard: their release events go elsewhere."""

@@ -26,17 +26,24 @@ def errors(driver: Driver) -> list[str]:
 
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:
-    """A dropped scene has its first camera and is the newest recent scene; a file called `scene` has its folder's name."""
+    """The first scene of several files has its first camera, is the newest recent scene, and ends notices of the former scene.
+
+    A file called `scene` has its folder's name.
+    """
+    (tmp_path / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    driver.viewer.controls.files_dropped([str(tmp_path / "bare.obj")])
+    assert any("bare.obj: no camera" in line.text for line in driver.actions.messages.lines)
     driver.session.options.frozen = True
     driver.session.change(0, a=0.7)
     (tmp_path / "hall").mkdir()
     other = write_room(tmp_path / "hall").rename(tmp_path / "hall" / "scene.scene")
     other.write_text(ROOM.replace("cam 0 0 2.6", "cam 0 0.1 2.2"))
-    driver.viewer.controls.files_dropped([str(other), "second.scene"])
+    driver.viewer.controls.files_dropped(["texture.png", str(other), "second.scene"])
+    assert not any("bare.obj" in line.text for line in driver.actions.messages.lines)
     push(driver, "F12")
     assert list(Path("pictures").glob("irrsplat-hall-*.png")) and driver.session.camera.eye == (0.0, 0.1, 2.2)
     assert driver.session.renderers[0].settings.a == 0.7
-    assert driver.actions.preferences.recent[:2] == [str(other), str(room)]
+    assert driver.actions.preferences.recent[:3] == [str(other), str(tmp_path / "bare.obj"), str(room)]
     driver.resize((640, 480), density=0.25)
     driver.choose("File", "Open recent")
     driver.frame(2)

@@ -128,16 +128,17 @@ def test_it_opens_reacts_to_a_key_a_click_and_sizes_and_ends(display: None, tmp_
 
 
 def test_files_are_dropped_on_it(display: None, tmp_path: Path) -> None:
-    """The viewer opens the first of the dropped files. It refuses a folder, a damaged file and a Latin-1 name."""
-    bad, latin = tmp_path / "bad.obj", tmp_path / os.fsdecode(b"\xe9.scene")
+    """The viewer opens the first scene of the dropped files. It refuses a folder, a damaged file and a Latin-1 name."""
+    image, bad, latin = tmp_path / "wood.png", tmp_path / "bad.obj", tmp_path / os.fsdecode(b"\xe9.scene")
     latin.touch()
     bad.write_text("f 1 2\n")
     scenes = paths.folder("scenes")
     one, two = next(scenes.rglob("furnace.scene")), next(scenes.rglob("curved.scene"))
     with viewer(tmp_path) as process:
         source = x_drop.DropSource(int(hand("search", "--onlyvisible", "--name", "irrsplat").split()[0]))
-        for file, title in ((one, "furnace"), (two, "curved"), (tmp_path, "curved"), (bad, "curved"), (latin, "curved")):
-            assert source.drop([file, one], WALL)
+        refused = [tmp_path, image], [bad, one], [latin, one]
+        for files, title in (([image, one, two], "furnace"), ([two, one], "curved"), *((files, "curved") for files in refused)):
+            assert source.drop(files, WALL)
             until(partial(hand, "search", "--onlyvisible", "--name", f"^{title} .*irrsplat"), title)
         until(lambda: (np.abs(seen() - RED).max(-1) < 40).mean() > 0.05, "the errors on red")
         source.close()
