@@ -51,11 +51,6 @@ def vertex_column(rows: np.ndarray, name: str) -> np.ndarray:
     return rows[:, PARTS[name]]
 
 
-def vertex_texels(rows: np.ndarray) -> np.ndarray:
-    """Return the vertices' rows (V, WIDTH) as texels (V, TEXELS, 4), padded with zeros, for generated/vertex_table.glsl."""
-    return np.pad(rows, ((0, 0), (0, 4 * TEXELS - WIDTH))).reshape(-1, TEXELS, 4)
-
-
 # ---- the vertex buffer, as moderngl describes it -------------------------------------------------------------------------
 
 FORMAT = " ".join(f"{column.components}f" for column in COLUMNS)
