@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat.app.film import fill as filling
     from irrsplat.app.film import flight as flights
 
-    scene = irrsplat.load(args.scene, **vars(args.loading))
+    scene = rendering.load(args)
     flight = flights.plan(args, scene)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
         cache = rendering.load_cache(renderer, args)

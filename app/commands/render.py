@@ -153,7 +153,7 @@ def run(args: argparse.Namespace) -> int:
     import irrsplat
     from irrsplat.app.film import frames
 
-    scene = irrsplat.load(args.scene, **vars(args.loading))
+    scene = rendering.load(args)
     camera = rendering.camera(args, scene)
     flight, made = (None, None) if args.path is None else films.plan(args, flights.plan(args, scene, args.output))
     # direct light alone requires whole views

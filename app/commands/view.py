@@ -34,7 +34,6 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    import irrsplat
     from irrsplat.app.viewer import preferences
 
     if find_spec("imgui_bundle") is None:
@@ -42,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
             "the viewer needs the package imgui-bundle, which has no wheel for Intel Macs; irrsplat render works without it"
         )
     preferences.check_path(args.scene)
-    scene = irrsplat.load(args.scene, **vars(args.loading))
+    scene = rendering.load(args)
     camera = rendering.camera(args, scene)
     remembered, notices = preferences.load()
     update = args.cache_mode == "update"

@@ -21,6 +21,17 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
 
 
+def load(args: argparse.Namespace) -> Scene:
+    """Return the scene of `args`, without the notice about an added camera if flags place the camera."""
+    import irrsplat
+    from irrsplat.scene.io.defaults import NO_CAMERA
+
+    scene = irrsplat.load(args.scene, **vars(args.loading))
+    if args.path is None and args.eye is None:
+        return scene
+    return replace(scene, notices=tuple(notice for notice in scene.notices if NO_CAMERA not in notice))
+
+
 def camera(args: argparse.Namespace, scene: Scene) -> Camera:
     """Return the scene's camera named by `args`, with the values of flags."""
     camera = scene.camera(args.camera)

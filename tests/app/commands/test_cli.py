@@ -62,6 +62,16 @@ def test_help_lists_all_settings(capsys: pytest.CaptureFixture[str], monkeypatch
     assert grammar.parse(["verify", "--samples", "64"]).values == {}, "--samples of verify is no setting of the renderer"
 
 
+def test_an_added_camera_is_reported_only_if_the_picture_may_show_its_view(
+    fake: Any, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (place / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    for flags, reported in (([], True), (["--fov", "30"], True), (["--eye", "0", "0", "2", "--target", "0", "0", "0"], False)):
+        assert cli.main(["render", "bare.obj", *SMALL, "-o", "a.png", *flags]) == 0
+        printed = capsys.readouterr().err
+        assert ("no camera" in printed) == reported and "no light" in printed
+
+
 def test_cameras_from_flags(fake: Any, place: Path) -> None:
     """Negative numbers in all spellings are values, not flags; the scene's camera provides omitted values."""
     (place / "plain.scene").write_text((place / "plain.scene").read_text() + "cam side 5 0 0 0 0 0 0 0 1\n")
