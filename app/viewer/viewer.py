@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 from collections.abc import Sequence
@@ -182,6 +183,10 @@ class Viewer(Owner):
         self._quick, self._unspent, first = 0, 0.0, not session.views
         self.controls.fly(dt)
         moving, seconds = session.moving, max(budget - self._overhead, _LEAST * budget)
+        gatherer = session.renderers[0].scheduler.gatherer
+        if first and gatherer.awaits_light and not math.isnan(session.auto_exposure.stops):  # a new size: its light takes a while
+            session.tick(dt, seconds, gather=False)
+            return
         flowing = not self._cut and not moving
         self._cut = not session.tick(dt, seconds, lambda: self.desktop.waits(flowing), gather=not (hurried and moving))
         if self._cut:
@@ -195,7 +200,7 @@ class Viewer(Owner):
         if not session.views:  # the scene or the size is new
             session.tick(0.0, seconds, waits)
         if first:  # the first picture takes a while, and notices are invisible before it
-            end, gatherer = now() + _DARK, session.renderers[0].scheduler.gatherer
+            end = now() + _DARK
             while gatherer.awaits_light and now() < end and not (session.options.frozen or waits()):
                 session.tick(0.0, seconds, waits)
             self.actions.messages.renew()

@@ -43,6 +43,21 @@ def test_another_size_keeps_the_records(driver: Driver) -> None:
     assert {r.size for r in driver.session.renderers} == {(120, 90)}
 
 
+def test_a_new_size_shows_before_its_first_light(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Input ends the wait for the light of a new scene. The next frame has the new size, and a later one the light."""
+    driver.session.change(0, bounces="all", gather="auto")
+    with monkeypatch.context() as patch:
+        patch.setattr(driver.viewer.desktop, "waits", lambda flowing: True)
+        driver.actions.open(driver.actions.source)
+        driver.frame()
+    gatherer = driver.session.renderers[0].scheduler.gatherer
+    driver.resize((120, 90))
+    driver.frame()
+    assert driver.session.views[0].image.size == (120, 90) and gatherer.awaits_light
+    driver.settle()
+    assert not gatherer.awaits_light
+
+
 def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """A moving view has half the resolution and is enlarged; marks have the window's resolution.
 
