@@ -91,9 +91,11 @@ class RecordScheduler(Owner):
         even under constant change of light. Records outside the view come last, the oldest first.
         """
         cache, stale = self.cache, self.cache.stale
-        waited = cache.age(stale)
-        priority = screen_areas(cache, stale, camera, size, self.settings) * waited * cache.column("drift")[stale]
-        return self.gatherer.regather(shadows, stale[np.lexsort((-waited, -priority))], budget)
+        if len(stale):
+            waited = cache.age(stale)
+            priority = screen_areas(cache, stale, camera, size, self.settings) * waited * cache.column("drift")[stale]
+            stale = stale[np.lexsort((-waited, -priority))]
+        return self.gatherer.regather(shadows, stale, budget)
 
     def limit_radii(self, view: ViewState, last: bool = False) -> tuple[ViewState, bool]:
         """Compare new records with all others, see AdaptiveRadius, and old ones as well if a view begins or, `last`, ends.
