@@ -171,7 +171,7 @@ class Refiner(Owner):
                 yield
 
     def _light(self, camera: Camera, known: float, reach: moderngl.Texture | None = None, index: int = 0) -> Steps[float]:
-        """Refine the surface cache, correct the records by it, and return the estimated remaining error of E, W/m².
+        """Refine the surface cache, gather the records again by it, and return the estimated remaining error of E, W/m².
 
         known: its present error. reach, index: of the picture on show.
         """
@@ -183,12 +183,13 @@ class Refiner(Owner):
         while not surface.refine(self._given.shadows, self._given.budget):
             yield
         yield
-        changes = np.zeros((0, 3))
-        while len(changes) < cache.count:
-            numbers = np.arange(len(changes), cache.count)
-            more = gatherer.correct_by_refinement(self._given.shadows, numbers, self._given.budget)
-            changes = np.concatenate([changes, more])
-            yield
+        before, sizes = cache.values[:, :3], cache.column("gather_size").copy()
+        for side in np.unique(sizes).tolist():
+            left = np.flatnonzero(sizes == side)
+            while len(left):
+                left = left[gatherer.regather(self._given.shadows, left, self._given.budget, side) :]
+                yield
+        changes = cache.values[:, :3].astype(float) - before  # along equal rays: of the light alone
         weights = screen_areas(cache, np.arange(cache.count), camera, self.size, self.scheduler.settings)[:, None]
         weights /= max(float(weights.sum()), 1e-20)
         error = _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))

@@ -37,14 +37,14 @@ class SurfaceCache(Owner):
     """The surface cache of a world's scene. detail: the density of sites and rays of its full level.
 
     level: the full level. in_use: the level of the values that lookups read. In ticks, a coarse level provides the values until
-    the full level is complete. Finer levels replace the full level. before: the level in use before the last refinement.
+    the full level is complete. Finer levels replace the full level.
     """
 
     def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
         self.world, self.timers = world, timers
         self.level = SiteLevel(world, settings, detail)
         self._coarse: SiteLevel | None = None  # made by the first tick
-        self.in_use = self.before = self.level
+        self.in_use = self.level
         self._next: SiteLevel | None = None  # the unfinished finer level
         self._relit = False  # True while the full level has values of other lights or materials
         self._eye, self._suits = b"", Memo()  # the eye of the last view
@@ -52,7 +52,7 @@ class SurfaceCache(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        levels = dict.fromkeys((self.level, self._coarse, self.before, self.in_use, self._next))
+        levels = dict.fromkeys((self.level, self._coarse, self.in_use, self._next))
         return (self._no_sites, self._view_pass, *levels)
 
     # ---- its values ------------------------------------------------------------------------------------------------
@@ -143,8 +143,8 @@ class SurfaceCache(Owner):
 
     def _drop_finer(self) -> None:
         """Return to the values from before all refinements."""
-        finer = {level for level in (self.before, self.in_use, self._next) if level is not None and level.detail.level > 0}
-        self.before, self._next = self.level, None
+        finer = [level for level in (self.in_use, self._next) if level is not None and level.detail.level > 0]
+        self._next = None
         if self.in_use in finer:
             self.in_use = self.level
         for level in finer:
@@ -196,9 +196,9 @@ class SurfaceCache(Owner):
         with self.timers("surface"):
             if not self._next.make(shadows, budget):
                 return False
-        if self.before is not self.level:
-            self.before.release()
-        self.before, self.in_use, self._next = self.in_use, self._next, None
+        former, self.in_use, self._next = self.in_use, self._next, None
+        if former is not self.level:
+            former.release()
         return True
 
 

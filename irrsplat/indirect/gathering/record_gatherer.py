@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -263,45 +263,6 @@ class RecordGatherer(Owner):
             self.world.prebuild(self._needs_tree)
         return self._advance(shadows, budget, idle)
 
-    def correct_by_refinement(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
-        """Correct records of these `numbers` by the difference that the surface cache's last refinement makes, within the budget.
-
-        Return (K, 3) W/m², the change of E of the first K. The difference is small: a quarter of the rays measures it, along
-        equal directions by the light before and after.
-        """
-        surface, side = self.surface_now, max(self.settings.gather_size // 2, SIDE)
-        assert surface is not None
-        gather, held, changes = self.gathers.gather(self.basis, side), self.cache.records.read(*LINEAR), [np.zeros((0, 3))]
-        signed = ((surface.in_use.shown, 1.0), (surface.before.shown, -1.0))
-        parts = [(gather, HitLight(shadows, surface.uniforms(table)), sign) for table, sign in signed]
-        for chosen, E, _ in self._corrected(numbers, held, parts, budget):
-            changes.append(E.astype(float) - held["irradiance"][chosen])
-        self.cache.refresh_count += 1
-        return np.concatenate(changes)
-
-    def _corrected(
-        self, numbers: np.ndarray, held: dict[str, np.ndarray], parts: list[tuple[Gather, HitLight, float]], budget: Budget
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Set records of these numbers to their columns LINEAR in `held` plus the signed light of all `parts`, within the budget.
-
-        parts: gathers along the records' own directions, their light, and its sign. Yield the numbers of each batch and (N, 3)
-        W/m², E of its records and the unsigned sum of E of all parts.
-        """
-        settings = self.settings
-        for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
-            chosen = numbers[some]
-            sites, after = self.cache.sites(chosen), {name: held[name][chosen] for name in LINEAR}
-            unsigned = np.zeros_like(after["irradiance"])
-            for gather, light, sign in parts:
-                made = self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers)
-                found = made.records.read(*LINEAR)
-                after = {name: after[name] + sign * found[name] for name in LINEAR}
-                unsigned += found["irradiance"]
-            after["irradiance"] = np.maximum(after["irradiance"], 0.0)
-            self.cache.correct(after, chosen)
-            self.cache.column("probe")[chosen] = 0.0
-            yield chosen, after["irradiance"], unsigned
-
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache if the records come from a file without one, since further records are to be gathered."""
         if self.basis.from_file is not None:
@@ -420,11 +381,22 @@ class RecordGatherer(Owner):
         A quarter of the rays is enough for a small difference. A great one changes second derivatives, too, so that the record
         stays stale.
         """
-        done, cache, side = 0, self.cache, self.settings.gather_size
-        parts = difference.gathers(min(side, max(side // 2, SIDE)))
-        for chosen, E, unsigned in self._corrected(numbers, difference.held, parts, budget):
-            least, drift = np.maximum(E @ LUMINANCE, max(cache.luminance_floor, 1e-20)), cache.column("drift")[chosen]
-            drift += MAX_DRIFT / _WHOLE * (unsigned @ LUMINANCE) / least
+        done, cache, settings = 0, self.cache, self.settings
+        parts = difference.gathers(min(settings.gather_size, max(settings.gather_size // 2, SIDE)))
+        for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
+            chosen = numbers[some]
+            sites, after = cache.sites(chosen), {name: difference.held[name][chosen] for name in LINEAR}
+            unsigned = np.zeros_like(after["irradiance"])  # sum of E of all parts
+            for gather, light, sign in parts:
+                made = self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers)
+                found = made.records.read(*LINEAR)
+                after = {name: after[name] + sign * found[name] for name in LINEAR}
+                unsigned += found["irradiance"]
+            after["irradiance"] = np.maximum(after["irradiance"], 0.0)
+            cache.correct(after, chosen)
+            cache.column("probe")[chosen] = 0.0
+            least = np.maximum(after["irradiance"] @ LUMINANCE, max(cache.luminance_floor, 1e-20))
+            drift = cache.column("drift")[chosen] + MAX_DRIFT / _WHOLE * (unsigned @ LUMINANCE) / least
             complete = drift <= MAX_DRIFT
             cache.mark_refreshed(chosen[complete], cache.column("gather_size")[chosen[complete]])
             cache.column("drift")[chosen] = np.minimum(drift, 1.0)
