@@ -69,9 +69,9 @@ class LightMeter(Tenant):
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
         """Return the readings of sensors at `points` (N, 3), metres, facing along `normals` (N, 3) or (3,), of any length.
 
-        A result depends on other points through its point's number, which selects the directions of its rays, and in a vast scene
-        on the place of the first points, around which the surface cache is finest. on_progress: called repeatedly. Raises
-        InputError for arrays of other shapes and non-finite numbers; IrrsplatError for a non-finite reading.
+        A result depends on other points through its point's number, which selects the directions of its rays. In a vast scene, it
+        also depends on the place of the first points, around which the surface cache is finest. on_progress: called repeatedly.
+        Raises InputError for arrays of other shapes and non-finite numbers; IrrsplatError for a non-finite reading.
         """
         check_callback("on_progress", on_progress)
         places, sites = _sites(points, normals, self._origin)
