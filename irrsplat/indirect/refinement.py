@@ -30,7 +30,6 @@ from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.view_state import Phase, ViewState
-from irrsplat.records.culling import reaching, screen_areas
 from irrsplat.scene.model import Camera
 from irrsplat.settings import SETTINGS
 
@@ -149,7 +148,7 @@ class Refiner(Owner):
             self._splats[index].forget()
             side, sizes = self._side(doublings), cache.column("gather_size")
             coarse = np.where(sizes > 0, sizes, self._side(0)) < side
-            left = np.intersect1d(np.flatnonzero(coarse), reaching(cache, 0, camera, self.size, scheduler.settings))
+            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._given.gbuffer, camera) > 0.0))
             yield
             while len(left):
                 left = left[gatherer.regather(self._given.shadows, left, self._given.budget, side) :]
@@ -190,8 +189,8 @@ class Refiner(Owner):
                 left = left[gatherer.regather(self._given.shadows, left, self._given.budget, side) :]
                 yield
         changes = cache.values[:, :3].astype(float) - before  # along equal rays: of the light alone
-        weights = screen_areas(cache, np.arange(cache.count), camera, self.size, self.scheduler.settings)[:, None]
-        weights /= max(float(weights.sum()), 1e-20)
+        pixels_covered = self.scheduler.pixels_covered(self._given.gbuffer, camera)[:, None]
+        weights = pixels_covered / max(float(pixels_covered.sum()), 1e-20)
         error = _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))
         self._surface_error = surface.refinements, error
         self.scheduler.limit_radii(ViewState(phase=Phase.FILL))  # the last test's records are new

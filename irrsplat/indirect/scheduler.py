@@ -23,8 +23,9 @@ from irrsplat.indirect.paper_scan import Scan, gather_record, read_back
 from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
-from irrsplat.records.culling import kept, screen_areas
+from irrsplat.records.culling import kept
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Camera, Scene, measure
 from irrsplat.settings import Settings
@@ -47,7 +48,7 @@ class RecordScheduler(Owner):
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
         self.gatherer = self.own(RecordGatherer(world, settings, cache, timers))
         self.adaptation = self.own(AdaptiveRadius(world.ctx, cache, timers))
-        self.examined = self.own(ExaminePass(world.ctx))
+        self.examined, self.refresh_order = self.own(ExaminePass(world.ctx)), self.own(RefreshOrder(world.ctx))
         self.hole_probes = self.own(HoleProbes(world.ctx))
         self._passes = self.own(Workshop())
         self._checked = 0  # number of records at the last spot check, including requested ones
@@ -84,18 +85,11 @@ class RecordScheduler(Owner):
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
 
-    def refresh(self, shadows: ShadowMaps, camera: Camera, size: tuple[int, int], budget: Budget) -> int:
-        """Gather stale records again in place. Return their number. size: (width, height) of the view.
-
-        Priority is the product of area on screen, age in invalidations, and change of light. No record in view waits for ever,
-        even under constant change of light. Records outside the view come last, the oldest first.
-        """
-        cache, stale = self.cache, self.cache.stale
-        if len(stale):
-            waited = cache.age(stale)
-            priority = screen_areas(cache, stale, camera, size, self.settings) * waited * cache.column("drift")[stale]
-            stale = stale[np.lexsort((-waited, -priority))]
-        return self.gatherer.regather(shadows, stale, budget)
+    def refresh(self, shadows: ShadowMaps, gbuffer: GBuffer | None, camera: Camera, budget: Budget) -> int:
+        """Gather stale records again in place. Return their number. Records with most pixels in `gbuffer` come first."""
+        stale = self.cache.stale
+        numbers = stale if gbuffer is None else self.refresh_order.order(self.cache, gbuffer, camera, self.settings)
+        return self.gatherer.regather(shadows, numbers, budget)
 
     def limit_radii(self, view: ViewState, last: bool = False) -> tuple[ViewState, bool]:
         """Compare new records with all others, see AdaptiveRadius, and old ones as well if a view begins or, `last`, ends.
@@ -298,6 +292,10 @@ class RecordScheduler(Owner):
         return replace(view, need=Need(missing, of=of)), len(sites), complete
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
+
+    def pixels_covered(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
+        """Return (N,) float32, about the number of a view's pixels that each record covers."""
+        return self.refresh_order.covered(self.cache.records, gbuffer, camera, self.settings)
 
     def state(self) -> CacheState:
         """Return the records with all columns of a file."""

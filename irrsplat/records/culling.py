@@ -1,11 +1,10 @@
-"""Records that a view needs, since their spheres touch its frustum, their areas on screen, and records to drop when too many."""
+"""Records that a view needs, whose spheres of influence touch its frustum, and records to drop when there are too many."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.records.weight import view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -31,19 +30,6 @@ def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, in
     # a thousandth of the radius and 1e-5 of all distances are far more than rounding, here and on the GPU
     radius = (1.0 + 1e-3) * radius + 1e-5 * (distance + max(map(abs, camera.eye)))
     return first + np.flatnonzero(_outside(offset, camera, size) <= radius)
-
-
-def screen_areas(
-    cache: RecordCache, numbers: np.ndarray, camera: Camera, size: tuple[int, int], settings: Settings
-) -> np.ndarray:
-    """Return (N,) about the solid angles at which the view of `size` (width, height) sees the records of these numbers.
-
-    The pixels that a record covers are about proportional to its solid angle. Hidden records count. Records that reach no pixel
-    have 0.
-    """
-    distance = np.maximum(np.linalg.norm(cache.positions[numbers] - np.asarray(camera.eye), axis=1), 1e-30)
-    radius = view_radius(cache.values[numbers, 3], distance, camera, size, settings)
-    return np.where(np.isin(numbers, reaching(cache, 0, camera, size, settings)), (radius / distance) ** 2, 0.0)
 
 
 def kept(cache: RecordCache, requested: int, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray | None:

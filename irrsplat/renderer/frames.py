@@ -124,7 +124,7 @@ class Frames(Owner):
         if ready:  # 2.1, records whose light has changed
             # half of the time while pixels without a record wait too
             part = budget.part(1.0 if view.coverage == 1.0 else 0.5, reserve if picture else 0.0)
-            renewed = scheduler.refresh(shadows, camera, state.size, part)
+            renewed = scheduler.refresh(shadows, gbuffer, camera, part)
         if renewed or len(cache.stale):
             view = replace(view, stalled_rounds=0)  # other light may end the stall
         if renewed and not picture and len(cache.stale) and (shown := stages.splats(state).sums) is not None:

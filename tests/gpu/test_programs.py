@@ -36,6 +36,7 @@ from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.lighting.virtual_lights import VirtualLightPasses
 from irrsplat.records.adaptive_radius import RadiusLimitPass
+from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.cache import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
@@ -71,7 +72,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     """Every other pass of the core, as settings may have it."""
     for gradients in (False, True):
         yield ReducePass(ctx, gradients)
-    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass, RadiusLimitPass):
+    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass, RefreshOrder, RadiusLimitPass):
         yield simple(ctx)
     yield textured(ctx)
     yield ExaminePass(ctx)

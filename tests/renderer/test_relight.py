@@ -46,9 +46,9 @@ def gathered_afresh(renderer: Renderer) -> dict[str, np.ndarray]:
         fresh.cache.append(renderer.cache.sites(slice(0, renderer.cache.count)))
         fresh.cache.column("gather_size")[:] = renderer.cache.column("gather_size")
         fresh.cache.invalidate()
-        shadows = fresh.draw_shadows()
+        shadows, gbuffer = fresh.draw_shadows(), fresh.draw_gbuffer(renderer.scene.camera())
         assert fresh.scheduler.gatherer.prepare(shadows, Budget(None))
-        fresh.scheduler.refresh(shadows, renderer.scene.camera(), fresh.size, Budget(None))
+        fresh.scheduler.refresh(shadows, gbuffer, renderer.scene.camera(), Budget(None))
         return fresh.cache.records.read(*HELD)
 
 

@@ -52,7 +52,7 @@ def gathered(renderer: Renderer, where: Sites) -> np.ndarray:
     renderer.cache.truncate(0)
     renderer.cache.append(where)
     renderer.cache.invalidate()
-    renderer.scheduler.refresh(renderer.shadows, renderer.scene.camera(), renderer.size, Budget(None))
+    renderer.scheduler.refresh(renderer.shadows, renderer.gbuffer, renderer.scene.camera(), Budget(None))
     return renderer.cache.read()["irradiance"]
 
 
