@@ -122,7 +122,7 @@ class SiteChooser:
         places = _interesting(self.scene, self.eyes)
         rooms = yield from self.rooms(places)
         if len(self.eyes):  # the middle of a luminous dome has vast surroundings
-            rooms = np.minimum(rooms, np.median(rooms[: len(self.eyes)]))
+            rooms = np.minimum(rooms, 2.0 * np.median(rooms[: len(self.eyes)]))
         grading = Grading(places, rooms)
         clusters, chosen = yield from self.choose(grading)
         value = clusters.value

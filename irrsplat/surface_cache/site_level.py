@@ -30,6 +30,7 @@ from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
+_FREE = 100.0  # heights of a record's eye: least extent of the surroundings of a camera that is not in a wall
 _STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
 
 
@@ -157,11 +158,12 @@ class SiteLevel(Owner):
         self._steps.bouncing = None
 
     def suits_view(self) -> bool:
-        """True if another choice of sites would not halve the steps at the eye of the present view."""
+        """True if another choice of sites would not shorten the steps much at the eye of the present view, or it is in a wall."""
         eyes, diagonal = self.world.eyes, self.world.scene.diagonal
         rooms = Budget(None).advance(self._chooser.rooms(eyes))
         assert self.shown is not None and rooms is not None
-        return all(self.shown.grading.suits(eye, room, diagonal) for eye, room in zip(eyes, rooms, strict=True))
+        grading, least = self.shown.grading, _FREE * self._chooser.offset
+        return all(room < least or grading.suits(eye, room, diagonal) for eye, room in zip(eyes, rooms, strict=True))
 
     def choose_again(self) -> None:
         """Choose the sites again; the present sites stay until new values are complete."""

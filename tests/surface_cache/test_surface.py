@@ -183,8 +183,8 @@ def test_sites_follow_the_view_and_not_the_cameras_of_the_scene() -> None:
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
 
 
-@pytest.mark.parametrize(("room", "suits"), [(20.0, True), (4.0, True), (2.0, False)])
-def test_sites_stay_unless_a_view_would_halve_their_steps(room: float, suits: bool) -> None:
+@pytest.mark.parametrize(("room", "suits"), [(20.0, True), (2.0, True), (1.0, False)])
+def test_sites_stay_unless_a_view_would_shorten_their_steps_to_a_quarter(room: float, suits: bool) -> None:
     """The first place has surroundings of 8 m, and its steps have one length up to 24 m; at 48 m, they are four times as long."""
     grading = Grading(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([8.0, 1.0]))
     assert grading.suits(np.array([20.0, 0.0, 0.0]), room, 1000.0) == suits
