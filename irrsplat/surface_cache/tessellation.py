@@ -65,7 +65,7 @@ class Grading:
         away = ((self.places - eye) ** 2).sum(1)
         density = np.minimum((_ROOMS * self.rooms) ** 2 / np.maximum(away, 1e-30), 1.0) ** 2
         steps = min(self.rooms[0], diagonal / _ROOMS) if len(away) else 0.0
-        return _SHORTER * room * np.sqrt(min(float(density.sum()), 1.0)) >= steps
+        return bool(_SHORTER * room * np.sqrt(min(float(density.sum()), 1.0)) >= steps)
 
     def graded(self, p: np.ndarray) -> tuple[Graded, float]:
         """Return the steps of triangles `p` (F, 3, 3), and their area by the density of their cells, m²."""
