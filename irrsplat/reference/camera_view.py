@@ -11,9 +11,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from irrsplat.reference.surfaces import Surfaces
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Scene
 
-EPSILON = 2e-5  # of the scene's diagonal: offset behind a surface before the search for the next one
+_EPSILON = 2e-5, 2e-4  # of the scene's diagonal, metres: greatest offset behind a surface before the search for the next one
+_LEAST = 1e-6  # of the diagonal: least offset, ten times the rounding of float32
 _LAYERS = 1000  # surfaces along a ray, at most
 
 # Returns (found, triangle, u, v, distance), (N,) each, of the nearest hits of rays by number (N,) beyond distances (N,)
@@ -47,6 +48,11 @@ class Visible:
         width, height = size
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         return Visible(**{name: a.reshape(height, width, *a.shape[1:]) for name, a in arrays.items()})
+
+
+def epsilon_of(scene: Scene) -> float:
+    """Return the offset behind a surface, metres: equal on a large ground and in the house on this ground."""
+    return max(min(_EPSILON[0] * scene.diagonal, _EPSILON[1]), _LEAST * scene.diagonal)
 
 
 def camera_rays(camera: Camera, size: tuple[int, int], dx: float = 0.5, dy: float = 0.5) -> np.ndarray:

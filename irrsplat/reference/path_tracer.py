@@ -27,7 +27,7 @@ import mitsuba as mi
 import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.reference.camera_view import EPSILON, Visible, camera_rays, seen
+from irrsplat.reference.camera_view import Visible, camera_rays, epsilon_of, seen
 from irrsplat.reference.emitters import Emitters
 from irrsplat.reference.lanes import (
     BACKEND,
@@ -99,7 +99,7 @@ class Tracer:
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.surfaces = scene, Surfaces.of(scene)
-        self.epsilon = EPSILON * scene.diagonal  # offset of a ray from its surface
+        self.epsilon = epsilon_of(scene)  # offset of a ray from its surface
         surfaces, table = self.surfaces, self.surfaces.materials
         may, depends = surfaces.seen_by_light
         solid = np.flatnonzero(may)  # the triangles that light may hit

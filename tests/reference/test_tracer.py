@@ -162,6 +162,22 @@ def test_a_second_bounce_is_the_first_one_seen_from_there(mitsuba: Any) -> None:
     assert np.allclose(found, expected, rtol=0.01)
 
 
+def test_a_panel_close_to_a_vast_ground_lights_it_unless_a_sheet_is_between(mitsuba: Any) -> None:
+    """A square of side 4 cm at a height of 1 cm, on a ground of 200 m: E is L times the integral of (h/(x² + y² + h²))² dA.
+
+    An offset in proportion to the scene, 6 mm, had rays begin above a sheet at 3 mm, and end close to the panel.
+    """
+    up, side, h = np.array([[0.0, 1.0, 0.0]], "f4"), 0.04, 0.01
+    ground = quad((-100, 0, -100), (0, 0, 200), (200, 0, 0), material(0.0))
+    panel = quad((-side / 2, h, -side / 2), (side, 0, 0), (0, 0, side), material(0.0, 1.0))
+    sheet = quad((-0.5, 0.003, -0.5), (1, 0, 0), (0, 0, 1), material(0.0))
+    x, y = ((np.indices((400, 400)) + 0.5) / 400 - 0.5) * side
+    expected = ((h / (x**2 + y**2 + h**2)) ** 2).mean() * side**2
+    for between, E in ([], expected), ([sheet], 0.0):
+        tracer = mitsuba.Tracer(Scene((ground, panel, *between), (), (CAMERA,)))
+        assert np.allclose(tracer.irradiance(np.zeros((1, 3), "f4"), up, up, 128, 1), E, rtol=0.02)
+
+
 @pytest.mark.parametrize("bounces", [1, pytest.param("all", marks=pytest.mark.long)])
 def test_a_traced_view_is_that_of_the_references(mitsuba: Any, bounces: int | str) -> None:
     """Pixel i of 80 has its centre where pixel 5i + 2 of 400 has: (i + ½)/80 = (5i + 2 + ½)/400."""

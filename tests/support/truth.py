@@ -158,4 +158,4 @@ def cast(scene: Scene, camera: Camera, size: tuple[int, int]) -> camera_view.Vis
         triangle, u, v, way = (hit[name] for name in ("primID", "u", "v", "tfar"))
         return triangle >= 0, triangle.astype(np.int64), u.astype(float), v.astype(float), beyond + way
 
-    return camera_view.seen(surfaces, directions, nearest, camera_view.EPSILON * scene.diagonal).image(size)
+    return camera_view.seen(surfaces, directions, nearest, camera_view.epsilon_of(scene)).image(size)
