@@ -119,10 +119,11 @@ class SpotPass(Owner):
 class SpotCheck:
     """The progress of a spot check: an immutable value.
 
-    spots: the positions of the present probes. found: (K,) luminances, W/m², at the first K of `spots`. stage: index of the
-    present probes in SIDES.
+    whole: the positions at the start. spots: the positions of the present probes. found: (K,) luminances, W/m², at the first K
+    of `spots`. stage: index of the present probes in SIDES.
     """
 
+    whole: Spots
     spots: Spots
     found: np.ndarray = field(default_factory=lambda: np.zeros(0))
     stage: int = 0

@@ -82,11 +82,12 @@ class ViewSplats(Owner):
         settings: Settings,
         pixel_stride: int,
         reach: moderngl.Texture | None = None,
+        noted: bool = True,
     ) -> SplatBuffer:
         """Return the sums of all records at every `pixel_stride`-th pixel in both directions (1 or 2).
 
-        reach: see SplatBuffer. The cache marks the drawn records as seen. Raises InputWaits between two batches of records while
-        input waits; the next call draws the remaining batches.
+        reach: see SplatBuffer. noted: True if the cache marks the drawn records as seen. Raises InputWaits between two batches of
+        records while input waits; the next call draws the remaining batches.
         """
         count = cache.count if settings.most_bounces > 0 else 0
         unlit = self._in_the_dark(camera)
@@ -111,7 +112,7 @@ class ViewSplats(Owner):
                 self.splat_pass.clear(gbuffer, pixel_stride, unlit=unlit)
             if first < count:
                 numbers = reaching(cache, first, camera, self.size, settings)
-                if first == 0:
+                if first == 0 and noted:
                     cache.mark_seen(numbers)
                 for chosen in batches(numbers, sums.weight.size):
                     self.splat_pass(cache.records, chosen, gbuffer, camera, settings, pixel_stride, reach=reach)

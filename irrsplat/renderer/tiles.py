@@ -86,7 +86,8 @@ def draw_tiles(
     reaches. on_share: called with the share of the tiles that are drawn. After Ctrl-C the other tiles get one sample a pixel. A
     second Ctrl-C ends the picture without a result.
     """
-    settings, camera = state.settings, done.camera
+    settings, camera, cache = state.settings, done.camera, stages.scheduler.cache
+    cache.mark_seen(reaching(cache, 0, camera, state.size, settings))
     requested = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
     arrays = {name: np.empty((*state.size[::-1], *(3,) * (CHANNELS[name].components == 3)), "f4") for name in requested}
     width, height = (min(side, state.tile + 2 * MARGIN) for side in state.size)
@@ -136,9 +137,9 @@ def _drawn(stages: Stages, here: State, camera: Camera, done: Round, samples: in
 
 
 def _splatted(stages: Stages, here: State, camera: Camera, stride: int = 1) -> tuple[GBuffer, SplatBuffer]:
-    """Return the g-buffer and the sums of a part at every `stride`-th pixel."""
+    """Return the g-buffer and the sums of a part at every `stride`-th pixel. The cache does not mark the records as seen."""
     gbuffer = stages.draw_gbuffer(here, camera)
-    return gbuffer, stages.splats(here).update(stages.scheduler.cache, gbuffer, camera, here.settings, stride)
+    return gbuffer, stages.splats(here).update(stages.scheduler.cache, gbuffer, camera, here.settings, stride, noted=False)
 
 
 def _grid(size: Collection[int], step: tuple[int, int]) -> Iterator[tuple[int, int]]:
