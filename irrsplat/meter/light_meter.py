@@ -69,8 +69,8 @@ class LightMeter(Tenant):
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
         """Return the readings of sensors at `points` (N, 3), metres, facing along `normals` (N, 3) or (3,), of any length.
 
-        A result depends on other points through its point's number, which selects the directions of its rays. In a vast scene, it
-        also depends on the place of the first points, around which the surface cache is finest. on_progress: called repeatedly.
+        A result depends on other points through its point's number, which selects the directions of its rays. It also depends a
+        little on the points of the first call, around which the surface cache is finest. on_progress: called repeatedly.
         Raises InputError for arrays of other shapes and non-finite numbers; IrrsplatError for a non-finite reading.
         """
         check_callback("on_progress", on_progress)
@@ -109,8 +109,8 @@ class LightMeter(Tenant):
         """
         if self._direct is None:
             shadows = self.lit.shadows
-            if self.settings.most_bounces and len(sites):
-                some = sites[:: -(-len(sites) // _EYES)]
+            if self.settings.most_bounces:
+                some = sites[:: -(-len(sites) // _EYES) or 1]
                 self.world.eyes = some.position + 2.0 * offset_of(self.scene) * some.normal.astype(float)
                 self.gatherer.prepare(shadows, Budget(None))
                 surface = self.gatherer.surface

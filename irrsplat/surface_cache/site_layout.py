@@ -38,7 +38,8 @@ _MERGED = 0.25  # of the spacing: distance of points of very small triangles tha
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _CLOSE = 1 / 16  # of that width: closer members of a coarse level are one member
 _PART = 1 / 8  # of that width: closer members of a coarse level share a near site
-_PLACES = 32  # greatest number of lights and cameras with fine cells around them
+_PLACES = 31  # greatest number of lights and emitters with fine cells around them
+_FREE = 100.0  # heights of a record's eye: least extent of the surroundings of a camera that is not in a wall
 _STEEP_PLACES = 512  # greatest number of lights and parts of emitters with fine cells around them
 _PANEL = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
@@ -119,11 +120,7 @@ class SiteChooser:
 
     def layout(self) -> Steps[SiteLayout]:
         """Choose the sites: all steps in their order."""
-        places = _interesting(self.scene, self.eyes)
-        rooms = yield from self.rooms(places)
-        if len(self.eyes):  # the middle of a luminous dome has vast surroundings
-            rooms = np.minimum(rooms, 2.0 * np.median(rooms[: len(self.eyes)]))
-        grading = Grading(places, rooms)
+        grading = yield from self.grading()
         clusters, chosen = yield from self.choose(grading)
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
@@ -132,6 +129,21 @@ class SiteChooser:
         cells = yield from self._cells(clusters)
         level, table = clusters.level[at], clusters.tessellation.table
         return SiteLayout(clusters.members[at], area.astype(float), level, grading, table, cells)
+
+    def grading(self) -> Steps[Grading]:
+        """Return the grading for the eyes, except those in walls, and for lights and emitters."""
+        others = _lights(self.scene)
+        rooms = yield from self.rooms(np.concatenate([self.eyes, others]))
+        free = np.flatnonzero(rooms[: len(self.eyes)] >= self.least_room)
+        own, of_others = rooms[free], rooms[len(self.eyes) :]
+        if len(free):  # the middle of a luminous dome has vast surroundings
+            of_others = np.minimum(of_others, 2.0 * np.median(own))
+        return Grading(np.concatenate([self.eyes[free], others]), np.concatenate([own, of_others]), len(free))
+
+    @property
+    def least_room(self) -> float:
+        """Metres, the least extent of the surroundings of an eye that is not in a wall or on a surface."""
+        return _FREE * self.offset
 
     def choose(self, grading: Grading) -> Steps[tuple[Clusters, np.ndarray]]:
         """Return the clusters with the numbers of their members' values, and the members (S,) that are sites."""
@@ -171,7 +183,7 @@ class SiteChooser:
         meshes = in_order(self.scene)
         mesh = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         emits = np.array([any(one.material.emission) for one in meshes], bool)[mesh[: len(faces)]]
-        lights = _steep_places(self.scene, vertices, faces[emits], spacing)
+        lights = _steep_places(self.scene, vertices, faces[emits], spacing, graded[emits])
         tessellation = tessellate(vertices, faces, spacing, self.offset, lights, ~emits, graded)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
@@ -333,22 +345,22 @@ class SiteChooser:
         return free
 
 
-def _interesting(scene: Scene, eyes: np.ndarray) -> np.ndarray:
-    """Return (N, 3) metres, the `eyes` (N, 3) of views, and the places of the scene's lights and emitters."""
+def _lights(scene: Scene) -> np.ndarray:
+    """Return (N, 3) metres, the places of the scene's lights and emitters."""
     lights = [light.position for light in scene.lights if not light.directional]
     emitters = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
-    others = np.array([*lights, *emitters], float).reshape(-1, 3)
-    return np.concatenate([eyes, others[:: -(-len(others) // (_PLACES - len(eyes))) or 1]])
+    places = np.array([*lights, *emitters], float).reshape(-1, 3)
+    return places[:: -(-len(places) // _PLACES) or 1]
 
 
-def _steep_places(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spacing: float) -> np.ndarray:
+def _steep_places(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spacing: float, graded: Graded) -> np.ndarray:
     """Return (K, 4) places where light is steep: of lights and of parts of emitters, and sizes in metres, 0 for a point light.
 
     emissive: (F, 3) the triangles of emitters. Each voxel with emitters is one part. Light is steep near the rim of a panel, too,
     so that the size of a part is limited.
     """
     lights = [[*light.position, 0.0] for light in scene.lights if not light.directional]
-    cells, width = tessellate(vertices, emissive, spacing, 0.0), VOXEL * spacing
+    cells, width = tessellate(vertices, emissive, spacing, 0.0, graded=graded), VOXEL * spacing
     _, voxel = np.unique(np.floor(cells.position / width).astype(np.int64), axis=0, return_inverse=True)
     weights = np.maximum(cells.area, 1e-30)
     area = np.bincount(voxel.ravel(), weights)

@@ -30,7 +30,6 @@ from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
-_FREE = 100.0  # heights of a record's eye: least extent of the surroundings of a camera that is not in a wall
 _STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
 
 
@@ -162,7 +161,7 @@ class SiteLevel(Owner):
         eyes, diagonal = self.world.eyes, self.world.scene.diagonal
         rooms = Budget(None).advance(self._chooser.rooms(eyes))
         assert self.shown is not None and rooms is not None
-        grading, least = self.shown.grading, _FREE * self._chooser.offset
+        grading, least = self.shown.grading, self._chooser.least_room
         return all(room < least or grading.suits(eye, room, diagonal) for eye, room in zip(eyes, rooms, strict=True))
 
     def choose_again(self) -> None:

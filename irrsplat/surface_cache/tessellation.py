@@ -30,31 +30,39 @@ _MAX_PIECES = 32  # parts along an edge of a triangle that extends beyond the su
 class Grading:
     """Lengths of steps by their place: the spacing in the surroundings of lights and cameras, longer beyond.
 
-    places: (N, 3) metres, of lights and cameras. rooms: (N,) metres, the extents of their surroundings.
+    places: (N, 3) metres, of cameras and then of lights. rooms: (N,) metres, the extents of their surroundings. eyes: the number
+    of cameras, around which parts of a triangle have steps of their own.
     """
 
     places: np.ndarray
     rooms: np.ndarray
+    eyes: int = 1
 
     def factors(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the factors (F,) on the steps of triangles `p` (F, 3, 3), and the number of parts (F,) along their edges.
 
-        A triangle with longer steps has parts if it is longer than half of the reach of a place, and than its distance.
+        A triangle with longer steps has parts if it is longer than half of the reach of a camera, and than its distance.
         """
         area = triangle_areas(p)
         counts, pieces = np.zeros(len(p)), np.ones(len(p))
         columns = np.ascontiguousarray(p.transpose(1, 2, 0))  # of the first, the second and the third corners
         low, high = (reduce(extreme, columns) for extreme in (np.minimum, np.maximum))
-        for place, reach in zip(self.places.astype(np.float32), (_ROOMS * self.rooms).astype(np.float32), strict=True):
+        reaches = (_ROOMS * self.rooms).astype(np.float32)
+        for number, (place, reach) in enumerate(zip(self.places.astype(np.float32), reaches, strict=True)):
             away, full = squares_from_boxes(low, high, place), 0.25 * reach**2
             counts += np.minimum(area, full) * np.minimum(reach**2 / np.maximum(away, 1e-30), 1.0) ** 2
-            large = np.flatnonzero(area > full)
-            pieces[large] = np.maximum(
-                pieces[large], _edges(p[large]).max(0) / np.maximum(np.sqrt(away[large]), max(0.5 * reach, 1e-30))
-            )
+            large = np.flatnonzero(area > full) if number < self.eyes and reach > 0.0 else np.zeros(0, np.intp)
+            parts = _edges(p[large]).max(0) / np.maximum(np.sqrt(away[large]), 0.5 * reach)
+            pieces[large] = np.maximum(pieces[large], parts)
         counts = np.clip(counts, _LEAST_COUNT * area, area) if len(self.places) else area
         wider = np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-300))
-        return wider, np.where(wider < 2.0, 1, np.minimum(pieces, _MAX_PIECES)).astype(np.intp)
+        pieces = np.where(wider < 2.0, 1.0, np.minimum(pieces, _MAX_PIECES))
+        pieces *= min(1.0, np.sqrt(_MAX_CELLS / 4 / max(float((pieces[pieces > 1.0] ** 2).sum()), 1.0)))
+        return wider, np.maximum(pieces, 1.0).astype(np.intp)
+
+    def of_parts(self, p: np.ndarray) -> np.ndarray:
+        """Return the factors (P,) on the steps of parts `p` (P, 3, 3) of triangles."""
+        return Grading(self.places[: self.eyes], self.rooms[: self.eyes]).factors(p)[0]
 
     def suits(self, eye: np.ndarray, room: float, diagonal: float) -> bool:
         """True if a grading for `eye` (3,) would not shorten the steps there to a quarter. room: metres, of its surroundings.
@@ -64,7 +72,7 @@ class Grading:
         """
         away = ((self.places - eye) ** 2).sum(1)
         density = np.minimum((_ROOMS * self.rooms) ** 2 / np.maximum(away, 1e-30), 1.0) ** 2
-        steps = min(self.rooms[0], diagonal / _ROOMS) if len(away) else 0.0
+        steps = min(self.rooms[0] if self.eyes else np.inf, diagonal / _ROOMS)
         return bool(_SHORTER * room * np.sqrt(min(float(density.sum()), 1.0)) >= steps)
 
     def graded(self, p: np.ndarray) -> tuple[Graded, float]:
@@ -72,7 +80,7 @@ class Grading:
         wider, pieces = self.factors(p)
         uneven = pieces > 1
         parts = _parts(p[uneven], pieces[uneven], np.full(uneven.sum(), -1), pieces[uneven] ** 2)
-        cells = (p[~uneven], wider[~uneven]), (parts, self.factors(parts)[0])
+        cells = (p[~uneven], wider[~uneven]), (parts, self.of_parts(parts))
         counts = [triangle_areas(of) / factor**2 for of, factor in cells]
         return Graded(self, wider, pieces), float(np.concatenate(counts).sum())
 
@@ -84,6 +92,10 @@ class Graded:
     grading: Grading
     wider: np.ndarray
     pieces: np.ndarray
+
+    def __getitem__(self, some: np.ndarray) -> Graded:
+        """Return the steps of a selection of the triangles."""
+        return Graded(self.grading, self.wider[some], self.pieces[some])
 
 
 @dataclass(frozen=True)
@@ -148,7 +160,7 @@ def tessellate(
         p, normals = (np.concatenate([of, _parts(of[cut], along, apex, parts)]) for of in (p, normals))
         step = step[row]
         other = len(faces) + np.flatnonzero(uneven[row[len(faces) :]])
-        step[other] = spacing * graded.grading.factors(p[other])[0]
+        step[other] = spacing * graded.grading.of_parts(p[other])
         level[len(faces) :] = near[row[len(faces) :]] * _halvings(p[len(faces) :], step[len(faces) :], lights)
         longest, step = _edges(p).max(0), step * 0.5**level
         n = steps(p, longest, step)

@@ -252,7 +252,9 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 def clusters(world: World, detail: Detail) -> Clusters:
     """Return the members that the sites of a surface cache of this `detail` represent."""
     chooser = SiteChooser(world.scene, world.caster.reach, detail, world.eyes)
-    made = Budget(None).advance(chooser.choose(Grading(np.zeros((0, 3)), np.zeros(0))))
+    grading = Budget(None).advance(chooser.grading())
+    assert grading is not None
+    made = Budget(None).advance(chooser.choose(grading))
     assert made is not None
     return made[0]
 

@@ -233,7 +233,6 @@ def test_merge_prune_and_info(place: Path, capsys: pytest.CaptureFixture[str], r
     capsys.readouterr()
     assert cli.main(["cache", "prune", "d.cache", "-o", "d.cache"]) == 0
     assert capsys.readouterr().out == "d.cache: 100 of 100 records; none was left out\n"
-    capsys.readouterr()
     assert cli.main(["cache", "info", "c.cache", "a.cache"]) == 0
     out = capsys.readouterr().out
     assert f"records      {c}\n" in out and "room: 3 meshes, 22 triangles" in out and "--gather-size 8" in out
