@@ -8,12 +8,12 @@ high, limits have shortened the radii already.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_array
 from scipy.spatial import cKDTree
 
 from irrsplat.core.record_layout import COLUMNS
@@ -56,48 +56,110 @@ def prune(state: CacheState, settings: Settings, most: int | None = None) -> Mer
 
 def _without_covered(state: CacheState, settings: Settings, may: np.ndarray, most: int | None = None) -> Merged:
     """Drop records that `may` (N,) go, the best covered first, see `prune`."""
-    weights = _weights_at_places(state, settings, np.flatnonzero(may))
-    kept, total = np.ones(len(may), bool), np.where(may, weights.sum(1), -np.inf)
-    least = _ENOUGH * settings.threshold if most is None else -np.inf
-    for _ in range(len(may) - (most or 0)):
-        going = int(total.argmax())
-        if total[going] < least:
+    table = _Table.of(state, settings)
+    pairs = _Pairs.among(table, np.flatnonzero(may))
+    kept = np.ones(len(table), bool)
+    while most is None or kept.sum() > most:
+        total = pairs.sums(kept)
+        covered = total >= _ENOUGH * settings.threshold if most is None else True
+        (left,) = np.nonzero(kept & may & covered)
+        if not len(left):
             break
-        kept[going], total[going] = False, -np.inf
-        covered = slice(*weights.indptr[going : going + 2])
-        total[weights.indices[covered]] -= weights.data[covered]
+        going = pairs.apart(left[np.argsort(-total[left], kind="stable")])
+        if most is not None:  # a quarter at once: the cover of the remaining records falls with each drop
+            going = going[: min(int(kept.sum()) - most, -(-len(going) // 4))]
+        kept[going] = False
     return Merged(selected(state, np.flatnonzero(kept)), int(np.count_nonzero(~kept)))
 
 
-def _weights_at_places(state: CacheState, settings: Settings, places: np.ndarray) -> csc_array:
-    """Return (N, N) sparse: the weight w of each record (column) at the places of these records (rows).
+# ---- weights of records at each other's places --------------------------------------------------------------------------
 
-    The formulas are those of shaders/indirect/splat.frag. A record has no weight at its own place.
+
+@dataclass(frozen=True)
+class _Table:
+    """The records of a cache, a row each: the columns of record_layout.COLUMNS that weights depend on, and `screen`.
+
+    radii: (N, 2) a·R in metres, within the records' limits and before the bounds of a view.
     """
-    records = state.records
-    columns = {name: records[name].astype(float) for name in (*COLUMNS, "screen")}
-    columns |= {name: columns[name][:, :3] for name in ("position", "normal")}
-    radii = settings.a * own_radii(columns, float(records["luminance_floor"]), settings) * columns["limit"][:, None]
-    position, normal, screen, count = columns["position"], columns["normal"], columns["screen"], len(radii)
-    # metres: the greatest distance of records that contribute at a place
-    widest = bounded(np.full(count, radii.max(initial=0.0)), screen, settings) * (1.0 + 1e-6)
-    tree, found = cKDTree(position), [(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))]
-    # sorted: the search radius of a batch is its greatest one
-    parts = [places[np.argsort(widest[places], kind="stable")]] if len(places) else []
-    while parts:
-        part = parts.pop()
-        near, within = cKDTree(position[part]), float(widest[part].max())
-        if len(part) > 1 and near.count_neighbors(tree, within) > _PAIRS:
-            parts += [part[len(part) // 2 :], part[: len(part) // 2]]
-            continue
-        pairs = near.sparse_distance_matrix(tree, within, output_type="ndarray")
-        i, j = part[pairs["i"]], pairs["j"]
-        others = {name: columns[name][j] for name in ("position", "normal", "axis")}
-        w = weights(others, bounded(radii[j], screen[i, None], settings), position[i], normal[i], settings)
-        counts = (w > 0.0) & (i != j)
-        found.append((i[counts], j[counts], w[counts]))
-    i, j, w = (np.concatenate(column) for column in zip(*found, strict=True))
-    return csc_array((w, (i, j)), shape=(count, count))
+
+    columns: Mapping[str, np.ndarray]
+    radii: np.ndarray
+    settings: Settings
+
+    @classmethod
+    def of(cls, state: CacheState, settings: Settings) -> _Table:
+        records = state.records
+        columns = {name: records[name].astype(float) for name in (*COLUMNS, "screen")}
+        columns |= {name: columns[name][:, :3] for name in ("position", "normal")}
+        radii = settings.a * own_radii(columns, float(records["luminance_floor"]), settings) * columns["limit"][:, None]
+        return cls(columns, radii, settings)
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+    @cached_property
+    def widest(self) -> np.ndarray:
+        """(N,) metres, the greatest distance of records that may contribute to each place."""
+        widest = float(self.radii.max(initial=0.0))
+        return bounded(np.full(len(self), widest), self.columns["screen"], self.settings) * (1.0 + 1e-6)
+
+    def weights(self, place: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return (P,) the weights w of the records `other` at the places of the records `place` (P,).
+
+        The formulas are those of shaders/indirect/splat.frag; 0 where a record does not contribute.
+        """
+        settings, columns = self.settings, self.columns
+        reach = bounded(self.radii[other], columns["screen"][place, None], settings)
+        records = {name: columns[name][other] for name in ("position", "normal", "axis")}
+        return weights(records, reach, columns["position"][place], columns["normal"][place], settings)
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Weights of records at the places of others.
+
+    place, other: (P,) numbers of the records. weight: (P,) w of `other` at `place`, above 0.
+    """
+
+    count: int  # of records
+    place: np.ndarray
+    other: np.ndarray
+    weight: np.ndarray
+
+    @classmethod
+    def among(cls, table: _Table, places: np.ndarray) -> _Pairs:
+        """Compute the weights at the places of these records (P,)."""
+        position, count = table.columns["position"], len(table)
+        places = places[np.argsort(table.widest[places], kind="stable")]  # keeps the search radius of batches small
+        tree = cKDTree(position)
+        none = np.zeros(0, np.intp)
+        chunks = [(none, none, np.zeros(0))]
+        parts = [places] if len(places) else []
+        while parts:
+            part = parts.pop()
+            near, within = cKDTree(position[part]), float(table.widest[part].max())
+            if len(part) > 1 and near.count_neighbors(tree, within) > _PAIRS:
+                parts += [part[len(part) // 2 :], part[: len(part) // 2]]
+                continue
+            found = near.sparse_distance_matrix(tree, within, output_type="ndarray")
+            i, j = part[found["i"]], found["j"]
+            w = table.weights(i, j)
+            counts = (w > 0.0) & (i != j)
+            chunks.append((i[counts], j[counts], w[counts]))
+        return cls(count, *(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
+
+    def sums(self, kept: np.ndarray) -> np.ndarray:
+        """Return (N,) Σw of the `kept` (N,) records at each place."""
+        return np.bincount(self.place, self.weight * kept[self.other], self.count)
+
+    def apart(self, numbers: np.ndarray) -> np.ndarray:
+        """Return the subset of `numbers`, in their order, in which no record contributes to the place of another."""
+        rank = np.full(self.count, len(numbers))
+        rank[numbers] = np.arange(len(numbers))
+        later = np.maximum(rank[self.place], rank[self.other])
+        free = np.ones(len(numbers) + 1, bool)  # and one for all other pairs
+        free[later] = False
+        return numbers[free[:-1]]
 
 
 # ---- arrays of cache files ---------------------------------------------------------------------------------------------
