@@ -8,10 +8,10 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.core.vertex_layout import TEXELS, WIDTH, vertex_column
+from irrsplat.core.vertex_layout import TEXELS, vertex_column
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import integer_texture, table_texture
-from irrsplat.gpu.texel_table import chosen_rows, row_count, write
+from irrsplat.gpu.texel_table import chosen_rows, row_count, table_rows, write
 from irrsplat.scene.seen_by_light import FaceCounts
 from irrsplat.scene.spatial.bvh import Bvh
 
@@ -29,7 +29,7 @@ class TriangleTable(Owner):
         if max(len(vertices), len(faces)) > limit or limit < max(TEXELS, 3) * TABLE_COLUMNS**2:
             raise _too_many(len(faces))
         self.corners = self.own(table_texture(ctx, self._corner_rows(vertices, faces)))
-        self.vertices = self.own(table_texture(ctx, _vertex_rows(vertices)))
+        self.vertices = self.own(table_texture(ctx, table_rows(vertices)))
 
     def _corner_rows(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         """Return the rows of the corner table."""
@@ -48,7 +48,7 @@ class TriangleTable(Owner):
 
     def repaint(self, vertices: np.ndarray) -> None:
         """Replace the vertices' materials."""
-        self.vertices.write(_vertex_rows(vertices))
+        self.vertices.write(table_rows(vertices))
 
     @property
     def corner_uniforms(self) -> Uniforms:
@@ -82,14 +82,6 @@ class BvhTable(Owner):
             "bvh_start": bvh.grid[0],
             "bvh_step": bvh.grid[1],
         }
-
-
-def _vertex_rows(vertices: np.ndarray) -> np.ndarray:
-    """Return the rows of the vertex table (generated/vertex_table.glsl); zeros fill the last texel of each vertex."""
-    count = len(vertices)
-    table = np.zeros((row_count(count) * TABLE_COLUMNS, 4 * TEXELS), "f4")
-    table[:count, :WIDTH] = vertices
-    return table.reshape(-1, TABLE_COLUMNS * TEXELS, 4)
 
 
 def _largest_table(ctx: moderngl.Context) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import moderngl
@@ -16,11 +17,15 @@ def row_count(items: int) -> int:
 
 
 def table_rows(items: np.ndarray) -> np.ndarray:
-    """Return items (N, T, 4) of T texels each as a table (R, TABLE_COLUMNS·T, 4), at least one row, padded with zeros."""
-    count, texels = items.shape[:2]
-    rows = row_count(count)
-    table = np.zeros((rows * TABLE_COLUMNS, texels, 4), items.dtype)
-    table[:count] = items
+    """Return items (N, T, 4) of T texels, or (N, W) of W numbers, as a table (R, TABLE_COLUMNS·T, 4), padded with zeros.
+
+    The table has at least one row, and zeros fill an item's last texel.
+    """
+    numbers = items.reshape(len(items), math.prod(items.shape[1:]))
+    count, width = numbers.shape
+    rows, texels = row_count(count), -(-width // 4)
+    table = np.zeros((rows * TABLE_COLUMNS, 4 * texels), items.dtype)
+    table[:count, :width] = numbers
     return table.reshape(rows, TABLE_COLUMNS * texels, 4)
 
 

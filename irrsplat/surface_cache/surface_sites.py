@@ -36,8 +36,7 @@ class SurfaceSites(Owner):
         self.records = self.own(RecordCache(ctx))
         self.values = self.own(table_texture(ctx, np.zeros((row_count(count), TABLE_COLUMNS, 4)), varying=True))
         self.cells = self.own(table_texture(ctx, table_rows(layout.cells), varying=True))
-        triangles = np.pad(layout.triangles, ((0, 0), (0, 2)))[:, None]
-        self._triangles = self.own(table_texture(ctx, table_rows(triangles), varying=True))
+        self._triangles = self.own(table_texture(ctx, table_rows(layout.triangles), varying=True))
         if count:
             self.records.append(layout.sites)
             self.records.invalidate()
