@@ -56,10 +56,8 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from irrsplat.app.commands.shared import rendering
     from irrsplat.app.work import measure as measuring
 
     measuring.check(args)
-
-    import irrsplat
-
-    return measuring.run(irrsplat.load(args.scene, **vars(args.loading)), args)
+    return measuring.run(rendering.load_without_camera(args), args)

@@ -20,7 +20,6 @@ from irrsplat.image.statistics import bounces_notice
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.plane import Grid, Plane, horizontal, line_points
 from irrsplat.meter.readings import Readings, Status, Summary, Unit
-from irrsplat.scene.io.defaults import NO_CAMERA
 from irrsplat.scene.model import Scene
 
 _STDOUT = "-"
@@ -69,8 +68,7 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         points, normals = grid.points, grid.normals
     with LightMeter(scene, args.preset, **args.values) as meter:
         for notice in (*scene.notices, *meter.lit.notices):
-            if NO_CAMERA not in notice:
-                say(f"notice: {notice}")
+            say(f"notice: {notice}")
         with progress() as line:
             on_points = None if line is None else lambda share: line(share, f"{len(points)} points")
             readings = meter.measure(points, normals, on_points)

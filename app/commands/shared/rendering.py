@@ -24,11 +24,18 @@ if TYPE_CHECKING:
 def load(args: argparse.Namespace) -> Scene:
     """Return the scene of `args`, without the notice about an added camera if flags place the camera."""
     import irrsplat
+
+    if args.path is None and args.eye is None:
+        return irrsplat.load(args.scene, **vars(args.loading))
+    return load_without_camera(args)
+
+
+def load_without_camera(args: argparse.Namespace) -> Scene:
+    """Return the scene of `args`, whose cameras have no effect: without the notice about an added camera."""
+    import irrsplat
     from irrsplat.scene.io.defaults import NO_CAMERA
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
-    if args.path is None and args.eye is None:
-        return scene
     return replace(scene, notices=tuple(notice for notice in scene.notices if NO_CAMERA not in notice))
 
 
