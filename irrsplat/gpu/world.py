@@ -38,8 +38,8 @@ _LARGE = 20_000  # triangles
 class World(Owner):
     """A scene on the GPU, shared by all passes that draw it or trace rays in it, and updated when the scene changes.
 
-    eyes: (N, 3) metres, of the present view, whose surroundings have the finest cells of the surface cache; the scene's first
-    camera before any view.
+    eyes: (N, 3) metres, of the present view, whose surroundings have the finest cells of the surface cache; the scene's
+    cameras before any view.
     """
 
     def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
@@ -60,7 +60,7 @@ class World(Owner):
         self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None  # and the meshes that they are of
         self._pending_tree: Future[Bvh] | None = None
         self._pending_caster: Future[RayCaster] | None = None
-        self.eyes = np.array([camera.eye for camera in scene.cameras[:1]], float).reshape(-1, 3)
+        self.eyes = np.array([camera.eye for camera in scene.cameras], float).reshape(-1, 3)
 
     @property
     def raster_uniforms(self) -> Uniforms:

@@ -38,7 +38,7 @@ _MERGED = 0.25  # of the spacing: distance of points of very small triangles tha
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _CLOSE = 1 / 16  # of that width: closer members of a coarse level are one member
 _PART = 1 / 8  # of that width: closer members of a coarse level share a near site
-_PLACES = 31  # greatest number of lights and emitters with fine cells around them
+_PLACES = 31  # greatest number of eyes, and of lights and emitters, with fine cells around them
 _FREE = 100.0  # heights of a record's eye: least extent of the surroundings of a camera that is not in a wall
 _STEEP_PLACES = 512  # greatest number of lights and parts of emitters with fine cells around them
 _PANEL = 0.35  # of the spacing: greatest size of a part of an emitter
@@ -132,13 +132,13 @@ class SiteChooser:
 
     def grading(self) -> Steps[Grading]:
         """Return the grading for the eyes, except those in walls, and for lights and emitters."""
-        others = _lights(self.scene)
-        rooms = yield from self.rooms(np.concatenate([self.eyes, others]))
-        free = np.flatnonzero(rooms[: len(self.eyes)] >= self.least_room)
-        own, of_others = rooms[free], rooms[len(self.eyes) :]
+        eyes, others = _some(self.eyes), _some(_lights(self.scene))
+        rooms = yield from self.rooms(np.concatenate([eyes, others]))
+        free = np.flatnonzero(rooms[: len(eyes)] >= self.least_room)
+        own, of_others = rooms[free], rooms[len(eyes) :]
         if len(free):  # the middle of a luminous dome has vast surroundings
             of_others = np.minimum(of_others, 2.0 * np.median(own))
-        return Grading(np.concatenate([self.eyes[free], others]), np.concatenate([own, of_others]), len(free))
+        return Grading(np.concatenate([eyes[free], others]), np.concatenate([own, of_others]), len(free))
 
     @property
     def least_room(self) -> float:
@@ -349,7 +349,11 @@ def _lights(scene: Scene) -> np.ndarray:
     """Return (N, 3) metres, the places of the scene's lights and emitters."""
     lights = [light.position for light in scene.lights if not light.directional]
     emitters = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
-    places = np.array([*lights, *emitters], float).reshape(-1, 3)
+    return np.array([*lights, *emitters], float).reshape(-1, 3)
+
+
+def _some(places: np.ndarray) -> np.ndarray:
+    """Return at most _PLACES of these places (N, 3), at equal steps of their numbers."""
     return places[:: -(-len(places) // _PLACES) or 1]
 
 
