@@ -167,6 +167,13 @@ def test_steps_on_a_vast_ground_are_short_around_a_view() -> None:
     assert found.area.sum() == pytest.approx(160_000, rel=1e-4) and area < 2000.0 and len(found.corners) < 20_000
 
 
+def site_positions(renderer: Renderer) -> np.ndarray:
+    """Return (S, 3) the positions of the sites of the full surface cache."""
+    surface = renderer.scheduler.gatherer.surface
+    assert surface is not None and surface.level.shown is not None
+    return surface.level.shown.records.positions.copy()
+
+
 def test_sites_follow_the_view_and_not_the_cameras_of_the_scene() -> None:
     """A view of a room has the sites of a scene with its camera, also after a view of the vast ground around the room."""
     shell = [quad((-3, 0, -3), (0, 2.5, 0), (6, 0, 0)), quad((-3, 2.5, -3), (0, 0, 6), (6, 0, 0)), floor(100.0)]
@@ -177,9 +184,7 @@ def test_sites_follow_the_view_and_not_the_cameras_of_the_scene() -> None:
             if before is not None:
                 renderer.render(before)
             renderer.render(inside)
-            sites = renderer.scheduler.gatherer.surface
-            assert sites is not None and sites.level.shown is not None
-            found.append(sites.level.shown.records.positions.copy())
+            found.append(site_positions(renderer))
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
 
 
@@ -201,10 +206,7 @@ def test_a_luminous_dome_leaves_the_sites_in_the_room() -> None:
         world = scene(*room, *around, lights=(point_light((0, 2, 0), 1.0),), camera=Camera((-2, 1.6, 1), (0, 1, 0)))
         with Renderer(world, size=(8, 8)) as renderer:
             renderer.render()
-            sites = renderer.scheduler.gatherer.surface
-            assert sites is not None and sites.level.shown is not None
-            at = sites.level.shown.records.positions
-            found.append(np.count_nonzero((np.abs(at) <= (3.1, 2.6, 2.1)).all(1)))
+            found.append(np.count_nonzero((np.abs(site_positions(renderer)) <= (3.1, 2.6, 2.1)).all(1)))
     assert found[1] > 0.5 * found[0], found
 
 
