@@ -15,9 +15,10 @@ from irrsplat.surface_cache.tessellation import Tessellation
 # any rotation that turns walls away from the axes
 _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]])).Q
 _WITHIN = 62  # the bit of a key that marks an inner side
+MOST_DOUBLINGS = 5  # of the size of distant clusters; a key has room for these and for 4 halvings
 # Sides in steps of the blocks that near_sites searches in turn, and True if a block must have all requested sites. Blocks of 3
 # steps have hundreds of sites in dense models.
-_BLOCKS = (0.5, True), (1.5, True), (3.0, False), (12.0, False)
+_BLOCKS = (0.5, True), (1.5, True), (3.0, False), (12.0, False), (50.0, False), (400.0, False)  # the last for doubled clusters
 _AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
 _MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
 _MIN_COSINE = 0.3  # least cosine between normals of a member and its site
@@ -44,9 +45,11 @@ def eyes(members: Sites, at: np.ndarray | slice, offset: float) -> np.ndarray:
 def voxel_keys(
     position: np.ndarray, normal: np.ndarray, size: float, level: np.ndarray | int = 0, within: np.ndarray | int = 0
 ) -> np.ndarray:
-    """Return (M,) int64, equal for members in one voxel of `size` metres with normals in one of 24 parts of the
-    sphere. level: (M,) how many times the size is halved. within: (M,) True for the inner sides of closed meshes, which have keys
-    of their own."""
+    """Return (M,) int64, equal for members in one voxel of `size` metres with normals in one of 24 parts of the sphere.
+
+    level: (M,) how many times the size is halved, or doubled if negative. within: (M,) True for the inner sides of closed
+    meshes, which have keys of their own.
+    """
     low = [float(at.min(initial=np.inf)) for at in position.T]
     # + 0.37: walls often lie on round numbers, which should not be a voxel's border
     x, y, z = (
@@ -57,7 +60,8 @@ def voxel_keys(
     a, b, c = (sum(n * share for n, share in zip(normal, column, strict=True)) for column in _ROTATION.T.astype(np.float32))
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
-    return np.asarray((np.asarray(within, np.int64) << _WITHIN) | (((x << 19 | y) << 19 | z) << 8) | level << 5 | face)
+    kind = 24 * (level + MOST_DOUBLINGS) + face
+    return np.asarray((np.asarray(within, np.int64) << _WITHIN) | (((x << 19 | y) << 19 | z) << 8) | kind)
 
 
 def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
@@ -119,7 +123,7 @@ class Clusters:
 
     area: (M,) area that each member represents, m². mesh: (M,) number of its mesh. member: (2, P) number of the member for each
     side of each point of the tessellation. value: (M,) numbers of the members' values; -1 until SiteChooser fills the values that
-    need a gather. level: (M,) number of times that the size of the cluster is halved.
+    need a gather. level: (M,) number of times that the size of the cluster is halved, or doubled if negative.
     """
 
     tessellation: Tessellation
@@ -173,6 +177,8 @@ def near_sites(members: Sites, requesting: np.ndarray, sites: np.ndarray, size: 
     (place, normal), (site_place, site_normal) = ((members.position[of], members.normal[of]) for of in (requesting, sites))
     for block, full in _BLOCKS:
         left = np.flatnonzero(found[:, 0] < 0)
+        if not len(left):
+            break
         both = np.concatenate([sites, requesting[left]])
         blocks = voxel_keys(members.position[both], members.normal[both], block * size) >> 8  # without the normals' parts
         order = np.argsort(blocks[: len(sites)], kind="stable")

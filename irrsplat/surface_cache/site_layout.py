@@ -178,7 +178,8 @@ class SiteChooser:
     def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, graded: Graded) -> tuple[Clusters, Choice]:
         """Return the clusters of a tessellation with steps of `spacing` metres, or longer as `graded`, and their first sites.
 
-        Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
+        Where too many sites would result, distant clusters grow as their steps do. If this is not enough, all clusters have a
+        wider spacing than the steps, which saves a second tessellation.
         """
         meshes = in_order(self.scene)
         mesh = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
@@ -193,7 +194,9 @@ class SiteChooser:
         members = clustering.both_sides(tessellation, points, points[inner])
         member = np.stack([which, len(points) + number[which]])
         area = np.bincount(member.ravel(), weights=np.tile(tessellation.area, 2), minlength=len(members))
-        level, of_mesh = (of[np.concatenate([points, points[inner]])] for of in (tessellation.level, mesh[tessellation.face]))
+        columns = tessellation.level, mesh[tessellation.face], np.log2(tessellation.wider).astype(np.intp)
+        level, of_mesh, farther = (of[np.concatenate([points, points[inner]])] for of in columns)
+        doublings = min(int(farther.max(initial=0)), clustering.MOST_DOUBLINGS)
         value = self._known_values(members)
         value[len(points) :][unlit[inner]] = DARK_VALUE
         closed = np.array([sort_of(one) == CLOSED for one in meshes], bool)[mesh[tessellation.face[points[inner]]]]
@@ -206,6 +209,9 @@ class SiteChooser:
             first = clusters.choose(left, len(left), clusters.min_area)
             if len(first[0]) <= most:
                 break
+            if doublings:  # the corners of a thousand distant houses must not take the sites of a room
+                level, farther, doublings = level - (farther > 0), farther - 1, doublings - 1
+                continue
             spacing *= 1.05 * float(np.sqrt(len(first[0]) / about))
         if self.detail == COARSE:
             clusters = clusters.merged(_CLOSE * VOXEL * spacing)

@@ -109,7 +109,7 @@ class Tessellation:
     for all three corners. position: (P, 3) of the points, moved by up to `inset` metres into their triangle, so that the wall
     is visible from a point on its edge. normal, geometric: (P, 3) unit shading normals and unit normals of the triangles, on
     the front by the winding. face: (P,) numbers of the triangles. area: (P,) a third of the cells at each point, m². level:
-    (P,) number of times that the steps around each point are halved.
+    (P,) number of times that the steps around each point are halved. wider: (P,) factors on the spacing before that.
     """
 
     table: np.ndarray
@@ -120,6 +120,7 @@ class Tessellation:
     face: np.ndarray
     area: np.ndarray
     level: np.ndarray
+    wider: np.ndarray
 
 
 def tessellate(
@@ -155,12 +156,13 @@ def tessellate(
     row = np.concatenate([np.arange(len(p)), np.repeat(cut, parts)])  # the triangle of each row of the table
     table = np.zeros((len(row), 2), np.float32)
     table[cut] = np.stack([-along - 0.25 * (apex + 1), len(p) + np.cumsum(parts) - parts], axis=1)
-    level = np.zeros(len(row), np.intp)
+    level, wider = np.zeros(len(row), np.intp), graded.wider[row]
     if len(cut):
         p, normals = (np.concatenate([of, _parts(of[cut], along, apex, parts)]) for of in (p, normals))
         step = step[row]
         other = len(faces) + np.flatnonzero(uneven[row[len(faces) :]])
-        step[other] = spacing * graded.grading.of_parts(p[other])
+        wider[other] = graded.grading.of_parts(p[other])
+        step[other] = spacing * wider[other]
         level[len(faces) :] = near[row[len(faces) :]] * _halvings(p[len(faces) :], step[len(faces) :], lights)
         longest, step = _edges(p).max(0), step * 0.5**level
         n = steps(p, longest, step)
@@ -199,7 +201,7 @@ def tessellate(
     known = length != 0.0
     normal = np.where(known[:, None], normal / np.where(known, length, 1.0)[:, None], facing)
     table[n > 0] = np.stack([n, first], axis=1)[n > 0]
-    return Tessellation(table, corners, position, normal, facing, row[face], area, level[face])
+    return Tessellation(table, corners, position, normal, facing, row[face], area, level[face], wider[face])
 
 
 def _edges(p: np.ndarray) -> np.ndarray:
