@@ -1,7 +1,8 @@
 """Lights of a scene for shaders: a table of numbers, the tiles of their shadow maps, and defines for the kinds present.
 
 A point light or luminaire inside the scene's bounding box, or a spot with a cone wider than 160°, has six tiles, a cube's faces.
-A narrower cone, a light outside the box and a directional light have one.
+A narrower cone, a light outside the box and a directional light have one. In a vast scene, a directional light also has zoomed
+tiles, with narrower texels around the eye.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import LIGHT_ROWS, LightRow
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY
-from irrsplat.core.glsl import ROUNDING
+from irrsplat.core.glsl import ROUNDING, ZOOM
 from irrsplat.lighting.luminaire_table import halvings, photometries
 from irrsplat.scene.model import Light, Scene
 
@@ -23,6 +24,9 @@ _X, _Y, _Z = np.eye(3)
 _CUBE = np.array([[_Z, _Y, _X], [_Y, _Z, -_X], [_X, _Z, _Y], [_Z, _X, -_Y], [_Y, _X, _Z], [_X, _Y, -_Z]])
 _WIDEST_CONE = 80.0  # degrees: the greatest half angle of a cone that one tile covers
 _NARROWEST = 1e-6  # least tangent, for a scene of a single point, as with all meshes hidden
+_TEXEL = 1.6e-3, 0.04  # of the diagonal, and metres: greatest width of texels around the eye; a wall is wider, or light leaks
+_TEXELS = 1024  # along a tile, for the choice of the number of zoomed tiles
+_MOST_ZOOMS = 2  # greatest number of zoomed tiles of a directional light
 _GUARD = 2  # texels around a tile, so that dithered samples stay inside it
 
 
@@ -71,8 +75,28 @@ def across(rows: np.ndarray, box: np.ndarray) -> np.ndarray:
     return np.stack([middle - half, middle + half])
 
 
-def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, float]:
-    """Return the light's tiles (T, 3, 4) as rows dotted with (p, 1), their scale, and their depth in metres (0: perspective)."""
+def zooms(scene: Scene) -> int:
+    """Return the number of zoomed tiles of a directional light: each has texels narrower by ZOOM than the tile before."""
+    width = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / _TEXELS
+    greatest = min(_TEXEL[0] * scene.diagonal, _TEXEL[1])
+    return min(math.ceil(math.log(max(width / greatest, 1.0), ZOOM)), _MOST_ZOOMS)
+
+
+def focus_of(scene: Scene, eyes: np.ndarray) -> tuple[float, ...]:
+    """Return the middle of the zoomed tiles, near the first of the `eyes` (N, 3), metres; empty without zoomed tiles.
+
+    It stays until the eye has moved by about a quarter of the narrowest tile.
+    """
+    count = zooms(scene) if any(light.directional for light in scene.lights) else 0
+    if not count or not len(eyes):
+        return ()
+    step = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / (8.0 * ZOOM**count)
+    return tuple((np.round(eyes[0] / step) * step).tolist())
+
+
+def _tiles(light: Light, scene: Scene, side: int, focus: tuple[float, ...]) -> tuple[np.ndarray, float, float]:
+    """Return the light's tiles (T, 3, 4) as rows dotted with (p, 1), the scale of the first one, and their depth in metres (0:
+    perspective)."""
     position = np.asarray(light.position, float)
     grow = side / (side - 2 * _GUARD)
     if light.directional:
@@ -80,7 +104,11 @@ def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, fl
         scale = 1.0 / (1.001 * max(float(across(rows, scene.shaded_bounds).max()), _NARROWEST * radius) * grow)
         rows[:2] *= scale
         rows[2] = (rows[2] + [0, 0, 0, radius]) / (2 * radius)
-        return rows[None], scale, 2 * radius
+        tiles = np.tile(rows, (1 + zooms(scene) if focus else 1, 1, 1))
+        if focus:
+            tiles[1:, :2, 3] -= rows[:2] @ [*focus, 1.0]
+            tiles[1:, :2] *= ZOOM ** np.arange(1.0, len(tiles))[:, None, None]
+        return tiles, scale, 2 * radius
     single = _single(light, scene)
     axes, tangent = (_CUBE, 1.0) if single is None else (_axes(single[0])[None], single[1])
     scale = 1.0 / (tangent * grow)
@@ -115,25 +143,27 @@ class LightTable:
     far: float
 
 
-def light_table(scene: Scene, side: int) -> LightTable:
-    """Return the table of the scene's lights for shadow tiles of `side` texels."""
+def light_table(scene: Scene, side: int, focus: tuple[float, ...] = ()) -> LightTable:
+    """Return the table of the scene's lights for shadow tiles of `side` texels. focus: of zoomed tiles, see `focus_of`."""
     table = np.zeros((max(len(scene.lights), 1), LIGHT_ROWS, 4))
     tiles: list[np.ndarray] = []
     parallel: list[bool] = []
     for light, row in zip(scene.lights, table, strict=False):
-        matrices, scale, depth = _tiles(light, scene, side)
+        matrices, scale, depth = _tiles(light, scene, side, focus)
         direction = np.asarray(light.position, float)
         row[LightRow.POSITION] = [*(_unit(direction) if light.directional else direction), light.directional]
         # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); with an intensity I: E = I·cosθ·spot/d²;
         # I of a luminaire is its colour times its photometry
-        row[LightRow.COLOR] = [*(np.asarray(light.color) * (1.0 if light.physical else np.pi)), len(matrices)]
+        cube = len(matrices) == len(_CUBE)
+        row[LightRow.COLOR] = [*(np.asarray(light.color) * (1.0 if light.physical else np.pi)), len(_CUBE) if cube else 1]
         row[LightRow.FALLOFF] = [*((0, 0, 1) if light.physical else light.attenuation), light.spot_exponent]
         if light.spot_target is not None and light.has_cone:
             row[LightRow.SPOT] = [*_unit(np.subtract(light.spot_target, light.position)), 1.0]
         row[LightRow.CONE] = [np.radians(light.spot_cutoff), np.radians(light.spot_inner), len(tiles), scale]
         if light.directional:
             row[LightRow.CONE, 0] = depth
-        if len(matrices) == 1:
+            row[LightRow.FALLOFF, :3] = [*(matrices[0, :2] @ [*(focus or (0.0, 0.0, 0.0)), 1.0]), len(matrices) - 1]
+        if not cube:
             row[LightRow.TILE :] = matrices[0]
         tiles += list(matrices)
         parallel += [light.directional] * len(matrices)
@@ -147,7 +177,8 @@ def _cubes(scene: Scene) -> list[bool]:
 
 def tile_count(scene: Scene) -> int:
     """Return the number of shadow tiles of the scene's lights."""
-    return sum(6 if cube else 1 for cube in _cubes(scene))
+    parallel = sum(light.directional for light in scene.lights)
+    return sum(6 if cube else 1 for cube in _cubes(scene)) + (parallel * zooms(scene) if parallel else 0)
 
 
 def sheet(count: int, side: int, limit: int) -> tuple[int, int, int]:
@@ -170,6 +201,7 @@ def light_defines(scene: Scene) -> dict[str, int]:
         "LIGHTS_WITH_CUBE": int(any(cubes)),
         "LIGHTS_WITH_TILE": int(not all(cubes)),
         "LIGHTS_PARALLEL": int(any(light.directional for light in scene.lights)),
+        "LIGHTS_ZOOMED": int(any(light.directional for light in scene.lights) and zooms(scene) > 0),
         "LIGHTS_WITH_CONE": int(any(light.has_cone for light in scene.lights)),
         "LIGHTS_WITH_LUMINAIRE": int(bool(different)),
         **({"PHOTOMETRY_HALVINGS": halvings(different)} if different else {}),

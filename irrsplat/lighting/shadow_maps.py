@@ -12,7 +12,7 @@ from irrsplat.gpu.program import Draw, DrawState, Program
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
-from irrsplat.lighting.light_table import light_table, near_plane, sheet, tile_count
+from irrsplat.lighting.light_table import focus_of, light_table, near_plane, sheet, tile_count
 from irrsplat.lighting.luminaire_table import luminaire_rows, photometries, photometry_texels
 
 _PARTS = "closed", "open", "cut_out"
@@ -50,10 +50,11 @@ class ShadowPass(Owner):
     def __call__(self, world: World, side: int) -> ShadowMaps:
         """Return the shadow maps of all lights, and the light table. side: of a tile in texels, reduced to fit.
 
-        Tiles of unchanged lights stay. The shadow maps of the last call become void.
+        Zoomed tiles are around the first eye of the world. Tiles of unchanged lights stay. The shadow maps of the last call
+        become void.
         """
         side, columns, lines = sheet(tile_count(world.scene), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
-        lights = light_table(world.scene, side)
+        lights = light_table(world.scene, side, focus_of(world.scene, world.eyes))
         near = near_plane(world.scene)
         made_of, before = (world.scene.meshes, side, columns, lines, near, lights.far), self._drawn
         tiles = [(matrix.tobytes(), bool(parallel)) for matrix, parallel in zip(lights.tiles, lights.parallel, strict=True)]

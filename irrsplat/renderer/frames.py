@@ -111,9 +111,8 @@ class Frames(Owner):
         """
         scheduler, cache, bounces = self.scheduler, self.cache, state.settings.most_bounces > 0
         stages, later = stages or self.stages, state.picture_seconds if picture else 0.0
-        shadows = self.follow_scene(state)  # 3.3
+        shadows = self.follow_scene(state, camera)  # 3.3
         gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
-        stages.world.eyes = np.array([camera.eye])
         view = self.view_state(state, camera)
         if stages is self.moving.stages:
             view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera
@@ -178,9 +177,10 @@ class Frames(Owner):
         whole = any(run.appearance.normal is not None for run in self.stages.world.runs)
         return ViewState(subject, 1 if whole else first_stride(state.settings, state.size))
 
-    def follow_scene(self, state: State) -> ShadowMaps:
-        """Let records and surface cache follow the scene's changes, and return its shadow maps."""
+    def follow_scene(self, state: State, camera: Camera) -> ShadowMaps:
+        """Let records and surface cache follow the scene's changes, and return its shadow maps for a view."""
         self.scheduler.apply(state.settings, state.scene, self.stages.shadows(state))
+        self.stages.world.eyes = np.array([camera.eye])
         return self.stages.draw_shadows(state)
 
     def _light_records(self, view: ViewState, shadows: ShadowMaps, budget: Budget, reserve: float) -> bool:

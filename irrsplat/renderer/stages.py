@@ -31,7 +31,7 @@ from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.temporal_filter import TemporalFilter
 from irrsplat.indirect.view_state import COVERED
 from irrsplat.lighting.direct import DirectPass
-from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.light_table import focus_of, light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.sky import sky_maps
 from irrsplat.records.culling import reaching
@@ -93,19 +93,22 @@ class Stages(Owner):
     # ---- the results -----------------------------------------------------------------------------------------------
 
     def draw_shadows(self, state: State) -> ShadowMaps:
-        """Return the shadow maps; they depend on the lights, the meshes and the maps' size."""
+        """Return the shadow maps; they depend on the lights, the meshes, the maps' size and the eye."""
 
         def draw() -> ShadowMaps:
             with self.timers("shadow"):
                 shadow_pass = self._passes.get("shadows", (), lambda: ShadowPass(self.ctx))
                 return shadow_pass(self.world, state.settings.shadow_size)
 
-        return self._memo.get("shadows", _shadow_inputs(state), draw)
+        return self._memo.get("shadows", self._shadow_inputs(state), draw)
 
     def shadows(self, state: State) -> ShadowMaps | None:
         """Return the shadow maps of the scene in `state`; None before they are drawn."""
-        current = self._memo.holds("shadows", _shadow_inputs(state))
+        current = self._memo.holds("shadows", self._shadow_inputs(state))
         return self._memo.current("shadows", ShadowMaps) if current else None
+
+    def _shadow_inputs(self, state: State) -> tuple[object, ...]:
+        return state.scene.lights, state.scene.meshes, state.settings.shadow_size, focus_of(state.scene, self.world.eyes)
 
     def draw_gbuffer(self, state: State, camera: Camera) -> GBuffer:
         """Return the g-buffer of `camera`; it depends on the camera, the meshes, the size and the textures."""
@@ -245,7 +248,3 @@ class Stages(Owner):
         for kept in (splats, self.temporal_filter):
             if kept is not None:
                 kept.forget()
-
-
-def _shadow_inputs(state: State) -> tuple[object, ...]:
-    return state.scene.lights, state.scene.meshes, state.settings.shadow_size
