@@ -28,6 +28,7 @@ from irrsplat.surface_cache.tessellation import Graded, Grading, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 4000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
+_STEPS = 9.0  # least number of steps along the extent of the surroundings of an eye
 SKY_VALUE, DARK_VALUE = 0, 1  # numbers of the values of members that see only the sky, and of members without light
 FIRST_SITE = 2  # number of the first gathered value
 _ROUNDS = 4  # rounds of clustering; members that do not see their cluster's site form clusters in the next round
@@ -156,7 +157,9 @@ class SiteChooser:
         Return the clusters, and the sites of the first round.
         """
         vertices, faces, graded, area = yield from in_background(partial(self._surfaces, grading))
-        points = float(np.clip(len(faces), self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
+        room = float(np.median(grading.rooms[: grading.eyes])) if grading.eyes else np.inf
+        requested = max(len(faces), 2.0 * area * (_STEPS / room) ** 2)
+        points = float(np.clip(requested, self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         return (yield from in_background(partial(self._cut, vertices, faces, spacing, graded)))
 
