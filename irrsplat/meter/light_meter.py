@@ -78,7 +78,7 @@ class LightMeter(Tenant):
         self._use()
         count = len(sites)
         direct, indirect, radius = (np.zeros(shape, np.float32) for shape in ((count, 3), (count, 3), count))
-        shadows, lights = self.lit.shadows, self._prepared(sites)
+        lights, shadows = self._prepared(sites), self.lit.shadows
         greatest = float(np.abs(self.scene.bounds + np.asarray(self._origin)).max())
         offset, own = offset_of(self.scene), _OWN * max(self.scene.diagonal, greatest)
         lift = np.full(count, offset)  # metres, of a ray origin above its point: at most half the way to the first surface
@@ -108,10 +108,10 @@ class LightMeter(Tenant):
         sites: the first ones to be measured.
         """
         if self._direct is None:
+            some = sites[:: -(-len(sites) // _EYES) or 1]
+            self.world.eyes = some.position + 2.0 * offset_of(self.scene) * some.normal.astype(float)
             shadows = self.lit.shadows
             if self.settings.most_bounces:
-                some = sites[:: -(-len(sites) // _EYES) or 1]
-                self.world.eyes = some.position + 2.0 * offset_of(self.scene) * some.normal.astype(float)
                 self.gatherer.prepare(shadows, Budget(None))
                 surface = self.gatherer.surface
                 while surface is not None and surface.may_refine and self.settings.gather_size >= _FINEST:

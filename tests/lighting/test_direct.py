@@ -8,6 +8,8 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat import irradiance as lit
+from irrsplat import make_mesh, render
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting.direct import DirectPass
@@ -249,3 +251,19 @@ def test_shadow_tiles_use_the_whole_texture() -> None:
         side, columns, rows = sheet(count, 1024, 16384)
         assert columns * rows >= count and max(columns, rows) * side <= 16384
         assert side == 1024 or (count > 256 and (16384 // (side + 1)) ** 2 < count)
+
+
+def test_no_sun_passes_the_walls_of_a_room_in_a_valley() -> None:
+    """A sealed room with walls of 15 cm in a valley of 400 m is dark. One tile for the valley has texels of 40 cm.
+
+    With this tile alone, rays found sunlight on the floor below the walls: E was up to 0.15 in sunlight of 1 W/m².
+    """
+    slope = [(x, y, z) for z in (-200.0, 200.0) for x, y in ((-200.0, 20.0), (-20.0, 0.0), (20.0, 0.0), (200.0, 20.0))]
+    valley = make_mesh(slope, [face for k in range(3) for face in ((k, k + 4, k + 5), (k, k + 5, k + 1))])
+    along = [box((-3, 0, z), (3, 2.6, z + 0.15)) for z in (-3.0, 2.85)]
+    across = [box((x, 0, -3), (x + 0.15, 2.6, 3)) for x in (-3.0, 2.85)]
+    roof, sun = box((-3, 2.6, -3), (3, 2.8, 3)), Light((0.5, 0.6, 0.6), (1.0, 1.0, 1.0), directional=True, physical=True)
+    world = scene(valley, *along, *across, roof, lights=(sun,), camera=Camera((-2, 1.5, -2), (2, 0.5, 2), fov=75.0))
+    assert render(world, size=(64, 48), bounces=1).irradiance.max() < 1e-4
+    corners = [(x, 0.01, z) for x in (-2.8, 2.8) for z in (-2.8, 2.8)]
+    assert lit(world, corners, UP).max() < 1e-4, "the light meter's sensors"

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import Renderer, irradiance, render
+from irrsplat import Renderer, irradiance, make_mesh, render
 from irrsplat.core.buffers import Sites
 from irrsplat.core.vertex_layout import PARTS, WIDTH, vertex_column
 from irrsplat.gpu.target import pixels
@@ -186,6 +186,26 @@ def test_sites_follow_the_view_and_not_the_cameras_of_the_scene() -> None:
             renderer.render(inside)
             found.append(site_positions(renderer))
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+
+
+def test_a_distant_town_leaves_a_room_its_sites() -> None:
+    """A town of 1591 houses has 32 000 corners of its own, as many as sites at most. One cell spans a distant house.
+
+    A room of 6 m has 100 m² of surfaces and steps of 6 m/9 or less: at least 2·100·(9/6)² = 450 corners, 100 of them visible as
+    sites in preview's coarse surface cache. Where all clusters grew until the town fitted, the room had 9.
+    """
+    town = [(x, z) for x in range(-200, 200, 10) for z in range(-200, 200, 10) if max(abs(x), abs(z)) > 12]
+    houses = [box((x, 0, z), (x + 7, 12 + x % 5, z + 7)) for x, z in town]
+    corners = len(houses[0].positions)
+    faces = np.concatenate([house.faces + k * corners for k, house in enumerate(houses)])
+    far = make_mesh(np.concatenate([house.positions for house in houses]), faces, crease_angle=0.0)
+    shell = [quad((-3, 0, -3), (0, 2.5, 0), (6, 0, 0)), quad((-3, 2.5, -3), (0, 0, 6), (6, 0, 0)), floor(200.0)]
+    with Renderer(
+        scene(far, *shell, sky=1.0, camera=Camera((1, 1.6, 2), (0, 1, -3))), size=(24, 16), preset="preview"
+    ) as renderer:
+        renderer.render()
+        found = site_positions(renderer)
+    assert np.count_nonzero(np.linalg.norm(found - [0, 1, 0], axis=1) < 4.0) >= 100
 
 
 @pytest.mark.parametrize(("room", "suits"), [(20.0, True), (2.0, True), (1.0, False)])
