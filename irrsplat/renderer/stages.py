@@ -172,7 +172,7 @@ class Stages(Owner):
                     else:
                         shown = fill(gbuffer, splats, done.camera, HoleLight(probes, lookup, coarse))
             if accumulating:
-                light, other = (done.shadows, held, gatherer.basis), gatherer.provisional or gatherer.basis.moved
+                light, other = (held, gatherer.basis), gatherer.provisional or gatherer.basis.moved
                 with self.timers("composite"):
                     shown = temporal_filter(shown, gbuffer, done.camera, subject, light, filling, other)
                 stop_for_input()
