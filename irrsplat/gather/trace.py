@@ -12,7 +12,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.gather.close_light import LEAST, CloseLight
+from irrsplat.gather.close_light import LEAST, CloseLight, cells
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
 from irrsplat.gather.record_frame import FEW_RAYS, PLACES, atlas_grid, places_of_texels, sample_offsets
@@ -166,23 +166,22 @@ class TraceGather(Gather):
         The number (N, R) of a value of the surface cache at each hit, -1 for a miss or an unknown value; and the reflectance
         (N, R, 3), 0 there. The value is one of three there, drawn by its weight; in a survey, that of the greatest weight.
         """
-        (found,) = self._read((2,), count)
+        (found,) = (cells(one, np.s_[:], count) for one in self._read((2,), count))
         return found[..., 3].astype(np.intp), found[..., :3]
 
     def met(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position and shading normal on the side of the hit, (N, R, 3) each, and the triangle's number in the scene,
         (N, R), for the rays of `hits`; undefined for a miss."""
-        place, normal = self._read((3, 4), count)
+        place, normal = (cells(one, np.s_[:], count) for one in self._read((3, 4), count))
         return place[..., :3], normal[..., :3], place[..., 3].astype(np.intp)
 
     def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:
-        """Return (N, R, 4) each, these outputs of the last call's first `count` records."""
+        """Return these outputs of the last call's first `count` records, see `cells`."""
         lines, columns, (width, height) = -(-count // self.atlas.columns), self.atlas.columns, self.cell
         used = 0, 0, columns * width, lines * height
         return [
             np.frombuffer(self.target.gl.read(used, 4, attachment=number, dtype="f4"), "f4")
             .reshape(lines, height, columns, width, 4)
             .swapaxes(1, 2)
-            .reshape(-1, width * height, 4)[:count]
             for number in outputs
         ]
