@@ -105,7 +105,7 @@ class Gather(Owner):
         rows = np.zeros((5, len(sites), 4), "f4")
         rows[:3, :, :3] = frame.swapaxes(0, 1)
         rows[2, :, 3] = -1.0 if sites.triangle is None else sites.triangle
-        rows[3, :, :3], rows[3, :, 3] = np.einsum("nij,nj->ni", frame, sites.geometric), numbers
+        rows[3, :, :3], rows[3, :, 3] = np.einsum("nij,nj->ni", frame, sites.geometric.astype(float)), numbers
         rows[4, :, :3] = eye_positions(sites, self.world.geometry.corners, self.heights(sites))
         return rows
 

@@ -141,25 +141,25 @@ class LightSamplePass(Owner):
         program(ends, scissor=(0, 0, across, rows), frames=atlas.frames, places=self.places, **program.declared(samples.uniforms))
         found = np.frombuffer(ends.gl.read((0, 0, across, rows), 4, dtype="f4"), "f4").reshape(rows, across, 4)
         seen = self._targets.get(f"seen of {size}", (), lambda: float_texture(self.ctx, size, 1))
-        bits = self._bits(samples.rows, found[..., :3], found[..., 3] > 0.0, free)
+        bits = self._bits(samples.rows, found, free)
         seen.write(bits.astype("f4").tobytes(), viewport=(0, 0, across + 1, rows))
         return seen
 
-    def _bits(self, rows: np.ndarray, away: np.ndarray, possible: np.ndarray, free: Free) -> np.ndarray:
+    def _bits(self, rows: np.ndarray, away: np.ndarray, free: Free) -> np.ndarray:
         """Return (N, S + 1) int, the content of the texture `seen`: a bit for each eye of a record that sees each of S samples.
 
-        rows: (5, N·places, 4) of the records. away: (N, S, 3) samples relative to the first eye, metres. possible: (N, S) False
-        for samples without light.
+        rows: (5, N·places, 4) of the records. away: (N, S, 4) samples relative to the first eye, metres; w: 0 without light.
         """
-        (count, across), eye = possible.shape, rows[4, :, :3]
+        (count, across, _), eye = away.shape, rows[4, :, :3]
         bits = np.zeros((count, across + 1), np.int32)
-        record, sample = np.nonzero(possible)
-        start = eye[record * self.places + sample % self.places]
-        ends = start + away[record, sample] * np.float32(1.0 - SHORT)
+        chosen = np.flatnonzero(away[..., 3] > 0.0)
+        record, sample = np.divmod(chosen, across)
+        start = eye.take(record * self.places + sample % self.places, axis=0)  # copies rows faster than an index does
+        ends = start + away.reshape(-1, away.shape[2]).take(chosen, axis=0)[:, :3] * np.float32(1.0 - SHORT)
         angle = np.arange(self._eyes - 1)[:, None, None] * (2.0 * np.pi / EYES_BESIDE)
         beside = eye + rows[4, :, 3:] * (np.cos(angle) * rows[0, :, :3] + np.sin(angle) * rows[1, :, :3]).astype("f4")
         # all lines in one call: the cost of a call exceeds that of few lines
-        starts = np.concatenate([start, beside[:, record].reshape(-1, 3), np.tile(eye, (len(beside), 1))])
+        starts = np.concatenate([start, beside.take(record, axis=1).reshape(-1, 3), np.tile(eye, (len(beside), 1))])
         found = free(starts, np.concatenate([np.tile(ends, (self._eyes, 1)), beside.reshape(-1, 3)]))
         lines = self._eyes * len(record)
         order = np.arange(self._eyes)[:, None]

@@ -39,7 +39,10 @@ def eye_positions(sites: Sites, corners: np.ndarray, heights: np.ndarray) -> np.
     if sites.triangle is None:
         return above
     # coordinate by coordinate: numpy takes a third of the time for long rows
-    place, triangle = sites.position.T.astype(float, order="C"), corners[sites.triangle].transpose(1, 2, 0).astype(float, order="C")
+    place, triangle = (
+        sites.position.T.astype(float, order="C"),
+        corners[sites.triangle].transpose(1, 2, 0).astype(float, order="C"),
+    )
     apart = np.full(len(heights), np.inf)  # from the edges
     for corner, next_corner in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
         (x, y, z), (u, v, w) = place - corner, next_corner - corner

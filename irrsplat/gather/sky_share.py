@@ -81,12 +81,14 @@ class SkyShares(Owner):
         """Return (N, M, A) the shares by Embree, for records with rays that meet the sky where `free` (N, M, A) is True."""
         shares, (across, up) = free.astype(np.float32), self._step
         few = np.flatnonzero(free.any((1, 2)) & (free[:, ::up, ::across].mean((1, 2)) <= _OPEN))
-        some, y, x = np.nonzero(self._mixed(free[few]))
+        some, stratum = np.divmod(np.flatnonzero(self._mixed(free[few])), free[0].size)
         record = few[some]
-        frame, eye = rows[:3, record, :3].swapaxes(0, 1), np.repeat(rows[4, record, :3], _RAYS, axis=0)
-        away = (self._rays[y, x].astype(np.float32) @ frame).reshape(-1, 3)
+        frames, eyes = rows[:3, :, :3].swapaxes(0, 1), rows[4, :, :3]
+        eye = eyes.take(np.repeat(record, _RAYS), axis=0)  # copies rows faster than an index does
+        rays = self._rays.reshape(-1, _RAYS, 3).astype(np.float32)
+        away = (rays.take(stratum, axis=0) @ frames.take(record, axis=0)).reshape(-1, 3)
         seen = self.world.caster.free(eye, eye + away * np.float32(2.0 * self.world.scene.diagonal))  # beyond the scene
-        shares[record, y, x] = seen.reshape(-1, _RAYS).mean(1)
+        shares.reshape(len(shares), -1)[record, stratum] = seen.reshape(-1, _RAYS).mean(1)
         return shares
 
     def _mixed(self, free: np.ndarray) -> np.ndarray:

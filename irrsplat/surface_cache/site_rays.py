@@ -112,7 +112,7 @@ class SiteRays(Owner):
         origins = sites.origins(numbers)
         assert origins.frame_rotation is not None
         frames = tangent_frames(origins.normal, origins.frame_rotation, self.settings.seed)
-        upward = np.einsum("nij,nj->ni", frames, origins.geometric).reshape(-1, gather.places, 3)
+        upward = np.einsum("nij,nj->ni", frames, origins.geometric.astype(float)).reshape(-1, gather.places, 3)
         table, place_of = gather.table.reshape(-1, 4), places_of_texels(gather.cell, gather.places)
         share = np.empty((len(upward), len(table)))
         for place in range(gather.places):

@@ -44,7 +44,7 @@ class Transport:
         """Return F·E of E (S, 3): one more bounce; (N, 3) for the given `rows`."""
         columns = self._columns[rows]
         channels = zip(self._values, np.ascontiguousarray(E.T, np.float32), strict=True)
-        return np.stack([np.einsum("sr,sr->s", values[rows], light[columns]) for values, light in channels], axis=1)
+        return np.stack([np.einsum("sr,sr->s", values[rows], light.take(columns)) for values, light in channels], axis=1)
 
     def backward(self, importance: np.ndarray) -> np.ndarray:
         """Return (S,) Fᵀ·importance, the mean of all channels: how much each site contributes to sites of this importance."""
