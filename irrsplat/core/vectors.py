@@ -77,7 +77,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return (N, 3) cross products of the rows of a and b (N, 3), like `np.cross` with less overhead for few rows."""
+    """Return (N, 3, …) cross products of a and b (N, 3, …) along their second axis, with less overhead than `np.cross`."""
     product = np.empty(a.shape, np.result_type(a, b))
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
         product[:, i] = a[:, j] * b[:, k] - a[:, k] * b[:, j]

@@ -8,6 +8,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.glsl import GOLDEN, SQUARE_STEPS
+from irrsplat.core.vectors import cross
 from irrsplat.scene.model import Scene
 
 OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: greatest height of a record's eye above its surface
@@ -38,25 +39,15 @@ def eye_positions(sites: Sites, corners: np.ndarray, heights: np.ndarray) -> np.
     above: np.ndarray = sites.position + heights[:, None] * sites.geometric.astype(float)
     if sites.triangle is None:
         return above
-    # coordinate by coordinate: numpy takes a third of the time for long rows
-    place, triangle = (
-        sites.position.T.astype(float, order="C"),
-        corners[sites.triangle].transpose(1, 2, 0).astype(float, order="C"),
-    )
-    apart = np.full(len(heights), np.inf)  # from the edges
-    for corner, next_corner in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
-        (x, y, z), (u, v, w) = place - corner, next_corner - corner
-        across = _length(y * w - z * v, z * u - x * w, x * v - y * u)
-        apart = np.minimum(apart, across / np.maximum(_length(u, v, w), 1e-30))
+    # coordinates in rows: numpy is slow along rows of three numbers
+    place, triangle = sites.position.T.astype(float), corners[sites.triangle].transpose(1, 2, 0).astype(float, order="C")
+    sides = np.roll(triangle, -1, axis=0) - triangle
+    across = np.linalg.norm(cross(place - triangle, sides), axis=1)
+    apart = across / np.maximum(np.linalg.norm(sides, axis=1), 1e-30)  # distance from each edge
     inward = triangle.mean(0) - place
-    length = _length(*inward)
-    share = np.clip(heights - apart, 0.0, 0.5 * length) / np.maximum(length, 1e-30)
+    length = np.linalg.norm(inward, axis=0)
+    share = np.clip(heights - apart.min(0), 0.0, 0.5 * length) / np.maximum(length, 1e-30)
     return np.asarray(above + (inward * share).T)
-
-
-def _length(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return (N,) the lengths of vectors with these coordinates (N,)."""
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
 def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
