@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -20,13 +20,16 @@ _LEAST_CONCERN = 0.01  # for points that do not see a moved mesh, but may see it
 _RIGID = 1e-3  # greatest deviation from a rotation that rounding of triangles gives the map of a rigid motion
 
 
-def of_moved(triangle: np.ndarray, change: SceneChange) -> Iterator[tuple[Mesh, Mesh, np.ndarray, np.ndarray]]:
-    """Yield each moved mesh before and after, a mask (N,) of the `triangle` numbers on it, and these numbers within the mesh."""
+def of_meshes(
+    triangle: np.ndarray, change: SceneChange, chosen: Sequence[int]
+) -> Iterator[tuple[Mesh, Mesh, np.ndarray, np.ndarray]]:
+    """Yield each of the `chosen` meshes before and after, a mask (N,) of the `triangle` numbers on it, and these numbers within
+    the mesh."""
     start, first = 0, {}
     for mesh in in_order(change.old):
         first[id(mesh)] = start
         start += len(mesh.faces)
-    for old, new in ((change.old.meshes[i], change.new.meshes[i]) for i in change.moved):
+    for old, new in ((change.old.meshes[i], change.new.meshes[i]) for i in chosen):
         if len(old.faces):
             inside = triangle - first[id(old)]
             yield old, new, (inside >= 0) & (inside < len(old.faces)), inside
@@ -39,7 +42,7 @@ def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, ch
     bounding box of a moved mesh.
     """
     found = np.zeros(len(position), bool)
-    for old, new, own, _ in of_moved(triangle, change):
+    for old, new, own, _ in of_meshes(triangle, change, change.moved):
         found |= (triangle < 0) & in_box(position, old)
         lift = _LIFT * float(np.linalg.norm(np.ptp(new.positions, axis=0)))
         found |= own & new.is_point
@@ -55,7 +58,7 @@ def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, ch
     points on such a mesh; _LEAST_CONCERN is added everywhere.
     """
     found = np.full(len(position), _LEAST_CONCERN)
-    for old, new, own, _ in of_moved(triangle, change):
+    for old, new, own, _ in of_meshes(triangle, change, change.moved):
         found += np.where(own, _ON_IT, _covered(position, normal, old) + _covered(position, normal, new))
     return found
 
@@ -97,7 +100,7 @@ class Carried:
 def carried(position: np.ndarray, triangle: np.ndarray, change: SceneChange) -> Carried:
     """Return the points (N, 3), on triangles of these numbers (N,), that move with a mesh, mapped by their triangles' corners."""
     parts = [Carried(np.zeros(0, np.intp), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, bool))]
-    for old, new, own, inside in of_moved(triangle, change):
+    for old, new, own, inside in of_meshes(triangle, change, change.moved):
         numbers = np.flatnonzero(own)
         triangles, which = np.unique(inside[numbers], return_inverse=True)  # many points share a triangle
         faces = old.faces[triangles]

@@ -61,7 +61,7 @@ def emitters(scene: Scene) -> Emitters:
     total_area = sum(float(triangle_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
     for mesh in in_order(scene):
         if any(mesh.material.emission) and sort_of(mesh) != UNSEEN:
-            mean, at = _emission(mesh) @ LUMINANCE, _corners(mesh)
+            mean, at = mean_emission(mesh) @ LUMINANCE, _corners(mesh)
             area = triangle_areas(at)
             power = mean * area
             emitting_area = float(area[mean > _DARK * mean.max(initial=0.0)].sum())
@@ -180,7 +180,7 @@ def unlit_interiors(scene: Scene) -> tuple[bool, ...]:
 # ---- textures ------------------------------------------------------------------------------------------------------------
 
 
-def _emission(mesh: Mesh) -> np.ndarray:
+def mean_emission(mesh: Mesh) -> np.ndarray:
     """Return (F, 3) the mean emission of each triangle; vertex colours and texture are averaged independently."""
     plain, texture = np.asarray(mesh.material.emission, float), mesh.material.emission_texture
     if mesh.material.unlit and mesh.colors is not None:

@@ -11,8 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
-from irrsplat.records.motion import moved_sites, of_moved
+from irrsplat.records.motion import moved_sites, of_meshes
 from irrsplat.scene.change import SceneChange, emits
+from irrsplat.scene.emitters import mean_emission
+from irrsplat.surface_cache.clustering import voxel_keys
+from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import Transport
@@ -20,20 +23,22 @@ from irrsplat.surface_cache.transport import Transport
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
 _SMALL = 0.05  # of E: a step that changes more is followed by another one in the same frame
 _HIDDEN = 0.5  # of a site's reflected light: a moved emitter that reflects so much of it hides the site from the room
+_AROUND = 6.0  # widths of clusters: size of the cubes whose sites have common means
+_FROM_BLACK = 4.0  # growth of reflected light, beyond which the residual is of light from other surfaces
 
 
 class Follower:
     """Values at `sites` that follow moving light, from `begin` on. The transport between the sites is known.
 
     E_1: (S, 3) irradiance gathered with the present lights, W/m². direct: their D; None before `begin`. relit: True if lights
-    have changed since the last step.
+    have changed since the last step. is_rough: True if emission has changed since the gather.
     """
 
     def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray) -> None:
         self._rays, self._sites = rays, sites
         self.direct: np.ndarray | None = None
         self._beyond = E_1  # c once `begin` has taken F·D away
-        self.relit = False
+        self.relit = self.is_rough = False
         self._kept = np.ones((sites.records.count, 1))  # share of each site's c that is valid for the present light
         self._moved_emitters = np.zeros(sites.records.count, bool)  # True for sites on emissive meshes that have moved
 
@@ -59,11 +64,44 @@ class Follower:
         """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""
         held = self._sites
         assert held.places is not None
-        for mesh, _, own, _ in of_moved(held.records.column("triangle"), change):
+        for mesh, _, own, _ in of_meshes(held.records.column("triangle"), change, change.moved):
             self._moved_emitters[own] = any(mesh.material.emission)
         held.records.move_with_meshes(change)
         held.places = moved_sites(held.places, change)
         self._transport.known[held.records.column("due") > _OTHER_HITS] = False
+
+    def repaint(self, change: SceneChange) -> None:
+        """Let the transport and the residual follow the materials of repainted meshes, about, until all is gathered again.
+
+        A hit on a cell of a site counts as a hit on the site's mesh. Detail in the residual belongs to bright spots, which rays
+        of single sites miss: it follows the reflectance at hits by the squares of D, in means over sites around.
+        """
+        assert self.direct is not None
+        before, after, emitted = np.ones_like(self.direct), np.ones_like(self.direct), np.zeros_like(self.direct)
+        for old, new, own, inside in of_meshes(self._sites.records.column("triangle"), change, change.repainted):
+            own[:FIRST_SITE] = False
+            before[own], after[own] = old.material.albedo, new.material.albedo
+            emitted[own] = (mean_emission(new) - mean_emission(old))[inside[own]]
+        if (before != after).any():
+            reflected = self._means_around(self._transport(self.direct**2))
+            self._transport.repaint(before, after)
+            share = self._means_around(self._transport(self.direct**2)) / np.maximum(reflected, 1e-30)
+            share[(share > _FROM_BLACK) | (reflected <= 0.0) | emits(change.old)] = 1.0
+            self._beyond = (share * self._beyond).astype(np.float32)
+        if emitted.any():  # few rays hit an emitter: light that fades does so by a mean ratio
+            more, self.is_rough = self._transport.received(emitted), True
+            around, of_all = (self._means_around(values) for values in (np.minimum(more, 0.0), self._beyond))
+            left = np.clip(1.0 + around / np.maximum(of_all, 1e-30), 0.0, 1.0)
+            self._beyond = (left * self._beyond + np.maximum(more, 0.0)).astype(np.float32)
+
+    def _means_around(self, values: np.ndarray) -> np.ndarray:
+        """Return (S, 3) the means of `values` (S, 3) over sites that are close together and face alike."""
+        held = self._sites
+        where = held.records.sites(slice(0, held.records.count))
+        size = _AROUND * float(np.sqrt(np.median(held.area * 4.0**held.level)))
+        _, group = np.unique(voxel_keys(where.position, where.normal, size, held.level), return_inverse=True)
+        sums = [np.bincount(group, of_channel) for of_channel in (*values.T, np.ones(len(group)))]
+        return np.stack([one / sums[3] for one in sums[:3]], axis=1)[group]
 
     @property
     def order(self) -> np.ndarray:

@@ -113,11 +113,13 @@ class SiteLevel(Owner):
         if finish and relit and alike and not moved and settings == old and 0.0 < self.progress < 1.0:
             self._mixed = True
             return
-        # sites without a place; other reflectances
-        if change.hides or change.repainted or change.other_sky or other_rays:
+        if change.hides or other_rays:  # sites without a place
             self._forget_transport()
-        if (moved or relit) and self.follower is not None and self.follower.direct is None:  # changed before any shadow map
+        # of another sky, or changed before any shadow map
+        if self.follower is not None and (change.other_sky or ((moved or relit) and self.follower.direct is None)):
             self.follower = None
+        if change.repainted:
+            self._repaint(change)
         if moved and self.follower is not None:
             self.follower.move(change)
         elif moved or not alike:
@@ -145,6 +147,15 @@ class SiteLevel(Owner):
             self.follower.dim(f)
         if self.light is not None:
             self._show(self.light.irradiance * f)
+
+    def _repaint(self, change: SceneChange) -> None:
+        """Let the follower follow repainted meshes; without one, discard the transport, which is of other reflectances."""
+        if self.follower is None:
+            self._forget_transport()
+        else:
+            self.follower.repaint(change)
+        if self.sites is not None and self.sites is not self.shown:
+            self.sites.transport = None
 
     def expire(self) -> None:
         """Gather all sites again."""

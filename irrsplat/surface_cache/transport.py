@@ -40,6 +40,23 @@ class Transport:
             values[rows, rays:] = 0.0
         self.known[rows] = True
 
+    def repaint(self, before: np.ndarray, after: np.ndarray) -> None:
+        """Change the reflectance at hits by that of the sites that light them, (S, 3) each. All rows become incomplete.
+
+        The share of a ray that hit a black surface is 1/R: strata have equal weights.
+        """
+        factor = np.divide(after, before, out=np.zeros_like(after), where=before > 0.0).T.copy()
+        added = np.where(before > 0.0, 0.0, after / self._columns.shape[1]).T.astype(np.float32)
+        for values, times, more in zip(self._values, factor, added, strict=True):
+            values *= times[self._columns]
+            if more.any():
+                values += more[self._columns]
+        self.known[:] = False
+
+    def received(self, radiance: np.ndarray) -> np.ndarray:
+        """Return (S, 3) the irradiance at sites by the `radiance` (S, 3) of the sites that light the hits of their rays."""
+        return np.pi * np.stack([light[self._columns].mean(1) for light in radiance.T.copy()], axis=1)
+
     def __call__(self, E: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return F·E of E (S, 3): one more bounce; (N, 3) for the given `rows`."""
         columns = self._columns[rows]

@@ -280,7 +280,8 @@ class RecordGatherer(Owner):
         first, coarse = surface.result is None, surface.is_coarse
         sites = cache.sites(slice(0, cache.count))
         follows = budget.limited and not first and not surface.level.complete and len(sites) and sites.triangle is not None
-        before, followed = surface.at(sites) if follows and not self._waited else None, surface.in_use.follower is not None
+        before, follower = surface.at(sites) if follows and not self._waited else None, surface.in_use.follower
+        followed = follower is not None and not follower.is_rough
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         waits = budget.limited and coarse and (self._without_tree or first_records)  # the full level has virtual lights
@@ -305,7 +306,7 @@ class RecordGatherer(Owner):
         """Let records follow a relative `change` of the values of the surface cache.
 
         first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`. followed: True if these values,
-        and so the records, have followed the light: other sites add their error alone.
+        and so the records, have followed the light closely: other sites add their error alone.
         """
         cache, relit = self.cache, self.basis.relit and surface.current
         if self.difference is None:  # otherwise the stale records get exactly this difference
