@@ -61,7 +61,6 @@ class RecordGatherer(Owner):
             world.prebuild(caster=self._casts)
         self.gathers = self.own(Gathers(world))
         self._count = 0  # of the records at the last advance of the surface cache
-        self._waited = False  # True if records of the last tick have newer light than the surface cache
         self._built = True  # False while a tick awaits structures of rays
         self._made = self.own(Workshop())  # the surface cache and the difference of the light
 
@@ -280,11 +279,12 @@ class RecordGatherer(Owner):
         first, coarse = surface.result is None, surface.is_coarse
         sites = cache.sites(slice(0, cache.count))
         follows = budget.limited and not first and not surface.level.complete and len(sites) and sites.triangle is not None
-        before, follower = surface.at(sites) if follows and not self._waited else None, surface.in_use.follower
+        before, follower = surface.at(sites) if follows else None, surface.in_use.follower
         followed = follower is not None and not follower.is_rough
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
-        waits = budget.limited and coarse and (self._without_tree or first_records)  # the full level has virtual lights
+        # the full level, with virtual lights, waits while coarse values are of the present light
+        waits = budget.limited and coarse and surface.in_use.complete and (self._without_tree or first_records)
         change = None if waits else surface.advance(shadows, part)
         if change is not None and basis.from_file is None:
             self._follow_values(surface, change, first, before, sites, followed)
@@ -295,7 +295,6 @@ class RecordGatherer(Owner):
         # coarse values of light before and after a change are older than the light that probes find
         current = surface.current or (change is not None and surface.in_use.follower is not None)
         ready = surface.result is not None and (surface.level.complete if self.difference else current)
-        self._waited = waits and ready
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
