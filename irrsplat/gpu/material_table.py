@@ -11,7 +11,6 @@ import numpy as np
 from irrsplat.core.buffers import MATERIAL_ROWS, MaterialRow, Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.core.vectors import triangle_areas
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texture_layers import LayerKey, LayerPlan, TextureLayers, dithered, layer_keys, plan
@@ -104,9 +103,8 @@ def _by_area(scene: Scene) -> list[LayerKey]:
     covered: dict[LayerKey, float] = {}
     for mesh in scene.meshes:
         keys = [key for key in layer_keys(mesh.material) if key is not None]
-        area = float(triangle_areas(mesh.positions[mesh.faces]).sum()) if keys else 0.0
         for key in keys:
-            covered[key] = covered.get(key, 0.0) + area
+            covered[key] = covered.get(key, 0.0) + mesh.area
     return sorted(covered, key=lambda key: -covered[key])
 
 

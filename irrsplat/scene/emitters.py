@@ -58,7 +58,7 @@ def emitters(scene: Scene) -> Emitters:
     means: list[np.ndarray] = [np.zeros(0)]
     corners, one_sided, first = [np.zeros((0, 3, 3))], [np.zeros(0, bool)], 0
     backdrop_luminance = 0.0  # luminance of the brightest excluded mesh
-    total_area = sum(float(triangle_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
+    total_area = sum(mesh.area for mesh in scene.meshes) or 1.0
     for mesh in in_order(scene):
         if any(mesh.material.emission) and sort_of(mesh) != UNSEEN:
             mean, at = mean_emission(mesh) @ LUMINANCE, _corners(mesh)

@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.app.viewer.view_options import Point
 from irrsplat.core.color import LUMINANCE, photometric
-from irrsplat.core.vectors import box, triangle_areas, vector
+from irrsplat.core.vectors import box, vector
 from irrsplat.scene.appearance import order
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.sky.cie import of_chromaticity
@@ -113,5 +113,4 @@ def light_units(light: Light) -> dict[str, float]:
 def surface_units(mesh: Mesh, emission: tuple[float, float, float]) -> dict[str, float]:
     """Return the output of a surface with emitted radiance `emission` in W/(m² sr)."""
     luminance = float(photometric(np.asarray(emission, float)))
-    area = float(triangle_areas(mesh.positions[mesh.faces].astype(float)).sum())
-    return {"cd/m²": luminance, "lumen per side": math.pi * area * luminance}
+    return {"cd/m²": luminance, "lumen per side": math.pi * mesh.area * luminance}

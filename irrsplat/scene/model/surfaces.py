@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import box, triangle_normals
+from irrsplat.core.vectors import box, triangle_areas, triangle_normals
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.model.checks import check_rows, check_type, checked, checked_number, put
 
@@ -173,6 +173,11 @@ class Mesh:
     def bounds(self) -> np.ndarray:
         """(2, 3) float32: the least and greatest coordinates of the vertices, of which there is at least one."""
         return box(self.positions)
+
+    @cached_property
+    def area(self) -> float:
+        """The area of all triangles, m²."""
+        return float(triangle_areas(self.positions[self.faces]).sum())
 
     @cached_property
     def is_point(self) -> bool:

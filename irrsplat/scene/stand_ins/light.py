@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
-from irrsplat.core.vectors import Vector, triangle_areas, vector
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.scene.stand_ins.surroundings import Surroundings
 
@@ -81,8 +81,7 @@ def _emitted_power(mesh: Mesh) -> float:
         colour = colour * linear_from_srgb(pixels[::step, ::step, :3] / 255.0).mean((0, 1))
     if material.unlit and mesh.colors is not None and len(mesh.colors):
         colour = colour * mesh.colors.mean(axis=0)
-    area = float(triangle_areas(mesh.positions[mesh.faces].astype(float)).sum())
-    return 2.0 * math.pi * area * _luminance(colour)
+    return 2.0 * math.pi * mesh.area * _luminance(colour)
 
 
 def _luminance(colour: Vector | np.ndarray) -> float:
