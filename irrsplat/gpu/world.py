@@ -57,7 +57,7 @@ class World(Owner):
         self.derived = self.own(Workshop())  # resources that other modules derive from the scene, freed with it
         self.scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None: the GPU holds an incomplete update
-        self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None  # and the meshes that they are of
+        self._parts: SceneParts | None = None
         self._pending_tree: Future[Bvh] | None = None
         self._pending_caster: Future[RayCaster] | None = None
         self.eyes = np.array([camera.eye for camera in scene.cameras], float).reshape(-1, 3)
@@ -105,9 +105,9 @@ class World(Owner):
     @property
     def parts(self) -> SceneParts:
         """The scene's parts for culling; the same object until a mesh moves."""
-        if self._parts is None or self._parts[0] is not self.scene.meshes:
-            self._parts = self.scene.meshes, SceneParts.of(self.scene)
-        return self._parts[1]
+        if self._parts is None:
+            self._parts = SceneParts.of(self.scene)
+        return self._parts
 
     @property
     def triangles(self) -> TriangleTable:
@@ -228,6 +228,7 @@ class World(Owner):
                 self._uploaded = None if change.repainted else before
                 raise
             if moved:
+                self._parts = None
                 self.geometry.update(vertices, faces)
                 self._discard_ray_structures()
             else:

@@ -14,6 +14,7 @@ from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import focus_of, light_table, near_plane, sheet, tile_count
 from irrsplat.lighting.luminaire_table import luminaire_rows, photometries, photometry_texels
+from irrsplat.scene.seen_by_light import CUT_OUT, sort_of
 
 _PARTS = "closed", "open", "cut_out"
 _ONE = np.array([0.0, 0.0, 0.0, 1.0])  # w of a parallel tile
@@ -56,7 +57,8 @@ class ShadowPass(Owner):
         side, columns, lines = sheet(tile_count(world.scene), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         lights = light_table(world.scene, side, focus_of(world.scene, world.eyes))
         near = near_plane(world.scene)
-        made_of, before = (world.scene.meshes, side, columns, lines, near, lights.far), self._drawn
+        cut_outs = [mesh for mesh in world.scene.meshes if sort_of(mesh) == CUT_OUT]  # other paint casts the same shadow
+        made_of, before = (world.parts, cut_outs, side, columns, lines, near, lights.far), self._drawn
         tiles = [(matrix.tobytes(), bool(parallel)) for matrix, parallel in zip(lights.tiles, lights.parallel, strict=True)]
         self._drawn = None, []  # until all are drawn
         defines = world.material_defines
