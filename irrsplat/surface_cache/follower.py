@@ -21,7 +21,7 @@ from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import Transport
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
-_SMALL = 0.05  # of E: a step that changes more is followed by another one in the same frame
+_SMALL = 0.02  # of E: a step that changes more is followed by another one in the same frame
 _HIDDEN = 0.5  # of a site's reflected light: a moved emitter that reflects so much of it hides the site from the room
 _AROUND = 6.0  # widths of clusters: size of the cubes whose sites have common means
 _FROM_BLACK = 4.0  # growth of reflected light, beyond which the residual is of light from other surfaces
