@@ -158,7 +158,8 @@ class SiteChooser:
         """
         vertices, faces, graded, area = yield from in_background(partial(self._surfaces, grading))
         room = float(np.median(grading.rooms[: grading.eyes])) if grading.eyes else np.inf
-        requested = max(len(faces), 2.0 * area * (_STEPS / room) ** 2)
+        # a coarse level lights the first pictures: twice the time would delay them
+        requested = len(faces) if self.detail == COARSE else max(len(faces), 2.0 * area * (_STEPS / room) ** 2)
         points = float(np.clip(requested, self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         return (yield from in_background(partial(self._cut, vertices, faces, spacing, graded)))
