@@ -27,6 +27,16 @@ def columns_of(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
     )
 
 
+def unprobed(cache: RecordCache) -> np.ndarray:
+    """Return the numbers of the records without a probe. Records of few rays are probes themselves, and become known as such."""
+    probe = cache.column("probe")
+    unknown = probe[:, 3] == 0.0
+    few = np.flatnonzero(unknown & (cache.column("gather_size") == SIDE))
+    if len(few):
+        probe[few], unknown[few] = columns_of(cache, few), False
+    return np.flatnonzero(unknown)
+
+
 def correction(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Return (N, 22) the corrected values of records that held `values`, by probes `before` and `after` a change.
 

@@ -17,7 +17,7 @@ from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, apply_probes, columns_of, scale_by_surface
+from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, apply_probes, columns_of, scale_by_surface, unprobed
 from irrsplat.indirect.gathering.gathers import Basis, Gathers, RecordDifference
 from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.scene.change import SceneChange
@@ -157,7 +157,7 @@ class RecordGatherer(Owner):
         other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way and not self.awaits_light
         if (other_bounces or (change and change.dimming is None)) and shadows is not None:
             if changed is None:  # probe the former light a last time
-                unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
+                unknown = unprobed(cache)
                 cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
             if surface is not None and change:
                 surface.hold_light(shadows)
@@ -313,6 +313,7 @@ class RecordGatherer(Owner):
                 cache.invalidate(None if first else np.arange(cache.count))
             if first or (relit and before is None):
                 return
+            unprobed(cache)
             cache.column("due")[:] += change
             self.basis = replace(self.basis, moved=True)
         if before is not None and (self.difference or not surface.current or (relit and not followed)):
