@@ -130,8 +130,8 @@ class LightRow(IntEnum):
 
     POSITION = 0  # xyz position, or the unit direction towards a directional light; w: 1 if directional
     COLOR = 1  # rgb: E = rgb·cosθ·spot/(k·(1, d, d²)); w: 6 for the tiles of a cube, else 1
-    FALLOFF = 2  # xyz: k, constant, linear and quadratic; w: spot exponent. A directional light has the middle of its zoomed
-    # tiles, right and up in its first tile, and their number
+    FALLOFF = 2  # xyz: k, constant, linear and quadratic; w: spot exponent. A directional light has the middle of its
+    # cascades, right and up in its first tile, and their number
     SPOT = 3  # xyz: unit axis of the cone, from the light; w: 1 if there is a cone
     CONE = 4  # x: cutoff, y: inner, half angles in radians (a directional light's x: its tile's depth in metres);
     # z: number of its first tile; w: scale of the tiles' right and up

@@ -19,7 +19,7 @@ PLASTIC = 0.7548776662466927  # inverse of the plastic number; its multiples and
 SQUARE_STEPS = PLASTIC, PLASTIC**2  # whose multiples fill a square evenly (Roberts 2018)
 SHORT = 1e-4  # of the distance: margin of a shadow ray before the emitter
 ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: largest distance of a float32 position from its surface
-ZOOM = 8.0  # width of the texels of a directional light's tile, in those of the next tile around the eye
+CASCADE_RATIO = 8.0  # width of the texels of a directional light's tile, in those of the next tile around the eye
 SKY_RAY_TEXELS = 3.0  # sky texels per ray's solid angle: interpolation widens one texel to the whole
 COVERED = 1e-13  # Σ k of a pixel below which only records within closed meshes contribute
 BRIGHT = 32.0  # times the luminance floor: errors at greater luminances count less than in proportion
@@ -27,7 +27,7 @@ FALSE_COLOURS = 64  # entries of the viewer's scale of light
 
 _SHARED = (
     "TABLE_COLUMNS NEIGHBOUR_STRIDE TWELVE_BITS MAX_EMITTER_CLUSTERS EYES_BESIDE WORTH GOLDEN PLASTIC SHORT ROUNDING "
-    "ZOOM SKY_RAY_TEXELS COVERED BRIGHT FALSE_COLOURS"
+    "CASCADE_RATIO SKY_RAY_TEXELS COVERED BRIGHT FALSE_COLOURS"
 )
 
 CONSTANTS: dict[str, int | float | tuple[float, ...]] = {

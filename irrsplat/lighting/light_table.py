@@ -1,8 +1,8 @@
 """Lights of a scene for shaders: a table of numbers, the tiles of their shadow maps, and defines for the kinds present.
 
 A point light or luminaire inside the scene's bounding box, or a spot with a cone wider than 160°, has six tiles, a cube's faces.
-A narrower cone, a light outside the box and a directional light have one. In a vast scene, a directional light also has zoomed
-tiles, with narrower texels around the eye.
+A narrower cone, a light outside the box and a directional light have one. In a vast scene, a directional light also has
+cascades: tiles with narrower texels around the eye.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import LIGHT_ROWS, LightRow
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY
-from irrsplat.core.glsl import ROUNDING, ZOOM
+from irrsplat.core.glsl import CASCADE_RATIO, ROUNDING
 from irrsplat.lighting.luminaire_table import halvings, photometries
 from irrsplat.scene.model import Light, Scene
 
@@ -25,8 +25,8 @@ _CUBE = np.array([[_Z, _Y, _X], [_Y, _Z, -_X], [_X, _Z, _Y], [_Z, _X, -_Y], [_Y,
 _WIDEST_CONE = 80.0  # degrees: the greatest half angle of a cone that one tile covers
 _NARROWEST = 1e-6  # least tangent, for a scene of a single point, as with all meshes hidden
 _TEXEL = 1.6e-3, 0.04  # of the diagonal, and metres: greatest width of texels around the eye; a wall is wider, or light leaks
-_TEXELS = 1024  # along a tile, for the choice of the number of zoomed tiles
-_MOST_ZOOMS = 2  # greatest number of zoomed tiles of a directional light
+_TEXELS = 1024  # along a tile, for the choice of the number of cascades
+_MOST_CASCADES = 2  # greatest number of cascades of a directional light
 _GUARD = 2  # texels around a tile, so that dithered samples stay inside it
 
 
@@ -75,22 +75,22 @@ def across(rows: np.ndarray, box: np.ndarray) -> np.ndarray:
     return np.stack([middle - half, middle + half])
 
 
-def zooms(scene: Scene) -> int:
-    """Return the number of zoomed tiles of a directional light: each has texels narrower by ZOOM than the tile before."""
+def cascades(scene: Scene) -> int:
+    """Return the number of cascades of a directional light: each has texels narrower by CASCADE_RATIO than the tile before."""
     width = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / _TEXELS
     greatest = min(_TEXEL[0] * scene.diagonal, _TEXEL[1])
-    return min(math.ceil(math.log(max(width / greatest, 1.0), ZOOM)), _MOST_ZOOMS)
+    return min(math.ceil(math.log(max(width / greatest, 1.0), CASCADE_RATIO)), _MOST_CASCADES)
 
 
 def focus_of(scene: Scene, eyes: np.ndarray) -> tuple[float, ...]:
-    """Return the middle of the zoomed tiles, near the first of the `eyes` (N, 3), metres; empty without zoomed tiles.
+    """Return the middle of the cascades, near the first of the `eyes` (N, 3), metres; empty without cascades.
 
     It stays until the eye has moved by about a quarter of the narrowest tile.
     """
-    count = zooms(scene) if any(light.directional for light in scene.lights) else 0
+    count = cascades(scene) if any(light.directional for light in scene.lights) else 0
     if not count or not len(eyes):
         return ()
-    step = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / (8.0 * ZOOM**count)
+    step = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / (8.0 * CASCADE_RATIO**count)
     return tuple((np.round(eyes[0] / step) * step).tolist())
 
 
@@ -104,10 +104,10 @@ def _tiles(light: Light, scene: Scene, side: int, focus: tuple[float, ...]) -> t
         scale = 1.0 / (1.001 * max(float(across(rows, scene.shaded_bounds).max()), _NARROWEST * radius) * grow)
         rows[:2] *= scale
         rows[2] = (rows[2] + [0, 0, 0, radius]) / (2 * radius)
-        tiles = np.tile(rows, (1 + zooms(scene) if focus else 1, 1, 1))
+        tiles = np.tile(rows, (1 + cascades(scene) if focus else 1, 1, 1))
         if focus:
             tiles[1:, :2, 3] -= rows[:2] @ [*focus, 1.0]
-            tiles[1:, :2] *= ZOOM ** np.arange(1.0, len(tiles))[:, None, None]
+            tiles[1:, :2] *= CASCADE_RATIO ** np.arange(1.0, len(tiles))[:, None, None]
         return tiles, scale, 2 * radius
     single = _single(light, scene)
     axes, tangent = (_CUBE, 1.0) if single is None else (_axes(single[0])[None], single[1])
@@ -144,7 +144,7 @@ class LightTable:
 
 
 def light_table(scene: Scene, side: int, focus: tuple[float, ...] = ()) -> LightTable:
-    """Return the table of the scene's lights for shadow tiles of `side` texels. focus: of zoomed tiles, see `focus_of`."""
+    """Return the table of the scene's lights for shadow tiles of `side` texels. focus: of cascades, see `focus_of`."""
     table = np.zeros((max(len(scene.lights), 1), LIGHT_ROWS, 4))
     tiles: list[np.ndarray] = []
     parallel: list[bool] = []
@@ -178,7 +178,7 @@ def _cubes(scene: Scene) -> list[bool]:
 def tile_count(scene: Scene) -> int:
     """Return the number of shadow tiles of the scene's lights."""
     parallel = sum(light.directional for light in scene.lights)
-    return sum(6 if cube else 1 for cube in _cubes(scene)) + (parallel * zooms(scene) if parallel else 0)
+    return sum(6 if cube else 1 for cube in _cubes(scene)) + (parallel * cascades(scene) if parallel else 0)
 
 
 def sheet(count: int, side: int, limit: int) -> tuple[int, int, int]:
@@ -201,7 +201,7 @@ def light_defines(scene: Scene) -> dict[str, int]:
         "LIGHTS_WITH_CUBE": int(any(cubes)),
         "LIGHTS_WITH_TILE": int(not all(cubes)),
         "LIGHTS_PARALLEL": int(any(light.directional for light in scene.lights)),
-        "LIGHTS_ZOOMED": int(any(light.directional for light in scene.lights) and zooms(scene) > 0),
+        "LIGHTS_CASCADED": int(any(light.directional for light in scene.lights) and cascades(scene) > 0),
         "LIGHTS_WITH_CONE": int(any(light.has_cone for light in scene.lights)),
         "LIGHTS_WITH_LUMINAIRE": int(bool(different)),
         **({"PHOTOMETRY_HALVINGS": halvings(different)} if different else {}),

@@ -51,7 +51,7 @@ class ShadowPass(Owner):
     def __call__(self, world: World, side: int) -> ShadowMaps:
         """Return the shadow maps of all lights, and the light table. side: of a tile in texels, reduced to fit.
 
-        Zoomed tiles are around the first eye of the world. Tiles of unchanged lights stay. The shadow maps of the last call
+        Cascades are around the first eye of the world. Tiles of unchanged lights stay. The shadow maps of the last call
         become void.
         """
         side, columns, lines = sheet(tile_count(world.scene), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))

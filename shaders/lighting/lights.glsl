@@ -91,7 +91,7 @@ const float BIAS = 0.1;       // bias of depth, in sizes of a texel, for roundin
 const float FLAT = 0.02;      // texels by which a rasteriser may shift a triangle
 const float CURVED = 0.5;     // texels: in a concave fold, the next facet rises above the plane of this one
 const float SEPARATION = 2.0; // in sizes of a texel, plus three texels of slope
-const float ZOOM_GUARD = 1.03;  // zoomed tiles are used up to 3 % before their border, so that filter taps stay inside
+const float CASCADE_GUARD = 1.03;  // cascades are used up to 3 % before their border, so that filter taps stay inside
 const float STRAIGHT = 0.9999;  // least cosine between interpolated and geometric normal on a flat surface
 
 // Return the depth of the receiver's tangent plane minus the stored depth, `offset` texels from the receiver: positive for an
@@ -178,16 +178,17 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
         // the rows are scaled, so that the inverse transpose maps the normal
         t.m = vec4(r.g, 0.0) * rows / vec3(cone.w * cone.w, cone.w * cone.w, parallel ? 1.0 / (t.range * t.range) : 1.0);
         if (parallel ? any(greaterThan(abs(t.q.xy), vec2(1.0))) : t.q.z <= 0.0) return 1.0;
-#if LIGHTS_ZOOMED
+#if LIGHTS_CASCADED
         // the tile of the narrowest texels around the eye that contains the receiver
         vec3 around = parallel ? light_table[row + LIGHT_FALLOFF].xyz : vec3(0.0);
         vec2 away = t.q.xy - around.xy;
-        float number = clamp(floor(-log2(max(max(abs(away.x), abs(away.y)) * ZOOM_GUARD, 1e-20)) / log2(ZOOM)), 0.0, around.z);
-        float zoom = pow(ZOOM, number);
+        float inside = max(max(abs(away.x), abs(away.y)) * CASCADE_GUARD, 1e-20);
+        float number = clamp(floor(-log2(inside) / log2(CASCADE_RATIO)), 0.0, around.z);
+        float narrower = pow(CASCADE_RATIO, number);
         t.tile += int(number);
-        t.q.xy = number > 0.0 ? away * zoom : t.q.xy;
-        t.m.xy /= zoom;
-        scale *= zoom;
+        t.q.xy = number > 0.0 ? away * narrower : t.q.xy;
+        t.m.xy /= narrower;
+        scale *= narrower;
 #endif
     }
 #endif
