@@ -95,19 +95,27 @@ const float CASCADE_GUARD = 1.03;  // cascades are used up to 3 % before their b
 const float STRAIGHT = 0.9999;  // least cosine between interpolated and geometric normal on a flat surface
 
 // Return the depth of the receiver's tangent plane minus the stored depth, `offset` texels from the receiver: positive for an
-// occluder. The plane's depth is that at the texel's centre, so that a plane does not shadow itself at any slope.
-float shadow_gap(Projected r, vec2 offset)
+// occluder. The plane's depth is that at the texel's centre, so that a plane does not shadow itself at any slope. x: with a plane
+// that is nowhere deeper than the receiver, because a wall on a floor is no occluder; y: with the plane itself.
+vec2 shadow_gaps(Projected r, vec2 offset)
 {
     vec2 texel = clamp(floor(r.texel + offset), vec2(0.0), vec2(shadow_layout.x - 1.0));
     float stored = texel_at(shadow_depth, ivec2(r.corner + texel)).r;
-    float expected = clamp(dot(r.plane, vec3(texel + 0.5, 1.0)), r.least, r.depth);
+    float plane = dot(r.plane, vec3(texel + 0.5, 1.0));
+    vec2 expected = vec2(clamp(plane, r.least, r.depth), plane);
 #if LIGHTS_PARALLEL
 #ifdef ANYWHERE
-    if (r.range > 0.0 && stored == 1.0) return 0.0;  // no occluder, and perhaps a receiver beyond the tile's depth
+    if (r.range > 0.0 && stored == 1.0) return vec2(0.0);  // no occluder, and perhaps a receiver beyond the tile's depth
 #endif
     if (r.range > 0.0) return expected - stored;
 #endif
     return stored < 1.0 ? expected + 1.0 / max(stored * shadow_layout.z, 1e-20) : expected;
+}
+
+// Return the first of the `shadow_gaps`.
+float shadow_gap(Projected r, vec2 offset)
+{
+    return shadow_gaps(r, offset).x;
 }
 
 // Set the tile of a point light that contains d = p - light, and map d and g to its axes. light_table.py has these six tiles.
@@ -211,8 +219,9 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
         // The texel of a flat receiver shows the receiver, or the texel's centre lies past an edge. In the latter case, the
         // diagonal neighbour in the direction of the point's quarter lies inside of the edge. Software renderers always read
         // three texels; if the first one decides, the other reads repeat it from the processor's cache.
-        float gap = shadow_gap(t, vec2(0.0));
-        bool decides = gap >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.separation);
+        vec2 gaps = shadow_gaps(t, vec2(0.0));
+        float gap = gaps.x;
+        bool decides = gaps.y >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.separation);
         vec2 inward = decides ? vec2(0.0) : sign(fract(t.texel) - 0.5);
         // near a second edge, only one axis: across a receiver that is edge-on to the light
         if (shadow_gap(t, inward) < -t.separation) inward *= abs(t.plane.x) > abs(t.plane.y) ? vec2(1.0, 0.0) : vec2(0.0, 1.0);

@@ -267,3 +267,19 @@ def test_no_sun_passes_the_walls_of_a_room_in_a_valley() -> None:
     assert render(world, size=(64, 48), bounces=1).irradiance.max() < 1e-4
     corners = [(x, 0.01, z) for x in (-2.8, 2.8) for z in (-2.8, 2.8)]
     assert lit(world, corners, UP).max() < 1e-4, "the light meter's sensors"
+
+
+def test_light_between_slats_is_their_open_share() -> None:
+    """Black slats take half of the sunlight from a floor. A point between them and the floor has half the indirect light, too.
+
+    A slat is as wide as three texels of the shadow map. A texel's centre is as often in shadow as the point itself, at any slope
+    of the floor. Where points whose texel's centre lies deeper also needed a lit neighbour, 3.6 % of the light was missing.
+    """
+    black, sun = material(0.0), Light((0.7, 1.0, 0.3), (1.0, 1.0, 1.0), directional=True, physical=True)
+    width = 3.0 * 5.0 / 1024
+    slats = [quad((x, 0.5, -2.0), (0, 0, 4.0), (width, 0, 0), black) for x in np.arange(-2.0, 2.0, 2.0 * width)]
+    points = [(x, 0.25, z) for x in (-0.31, 0.0, 0.27) for z in (-0.23, 0.0, 0.34)]
+    below, open_air = (
+        lit(scene(floor(1.0, paint=WHITE), *parts, lights=(sun,)), points, -UP, bounces=1).mean() for parts in (slats, ())
+    )
+    assert below == pytest.approx(0.5 * open_air, rel=0.02)
