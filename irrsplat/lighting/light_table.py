@@ -24,9 +24,9 @@ _X, _Y, _Z = np.eye(3)
 _CUBE = np.array([[_Z, _Y, _X], [_Y, _Z, -_X], [_X, _Z, _Y], [_Z, _X, -_Y], [_Y, _X, _Z], [_X, _Y, -_Z]])
 _WIDEST_CONE = 80.0  # degrees: the greatest half angle of a cone that one tile covers
 _NARROWEST = 1e-6  # least tangent, for a scene of a single point, as with all meshes hidden
-_TEXEL = 1.6e-3, 0.04  # of the diagonal, and metres: greatest width of texels around the eye; a wall is wider, or light leaks
+_TEXEL = 1.6e-3, 0.02  # of the diagonal, and metres: greatest width of texels around the eye; a wall is wider, or light leaks
 _TEXELS = 1024  # along a tile, for the choice of the number of cascades
-_MOST_CASCADES = 2  # greatest number of cascades of a directional light
+_MOST_CASCADES = 3  # greatest number of cascades of a directional light
 _GUARD = 2  # texels around a tile, so that dithered samples stay inside it
 
 
