@@ -106,10 +106,9 @@ class RecordScheduler(Owner):
         return Screen(camera, gbuffer.position.size, splats.pixel_stride, splats, examine, spots, gbuffer, splats)
 
     @property
-    def changing(self) -> bool:
-        """True while records lack the present light: their variance and their difference from probes have no meaning."""
-        unknown = self.cache.column("probe")[self.cache.stale, 3] == 0.0
-        return self.gatherer.basis.moved or self.gatherer.provisional or bool(unknown.any())
+    def _changing(self) -> bool:
+        """True while records are stale or provisional: their variance and their difference from probes have no meaning."""
+        return len(self.cache.stale) > 0 or self.gatherer.provisional
 
     def need(self, screen: Screen) -> Need:
         """Return the present need of the view, without a gather."""
@@ -137,7 +136,7 @@ class RecordScheduler(Owner):
         elif view.queue is None:
             if self.cache.count < self._checked:
                 self._checked = 0
-            if self.changing:
+            if self._changing:
                 view = replace(view, check=None)
             elif view.check is not None:
                 return self._check(view, screen, shadows, budget, True), 0, False
@@ -174,7 +173,7 @@ class RecordScheduler(Owner):
         Both may make tiles request records again. Return the view, True if one part is done, and True if that was the last part
         and changed nothing.
         """
-        if self.changing:  # every pixel is splatted meanwhile, and the other work waits
+        if self._changing:  # every pixel is splatted meanwhile, and the other work waits
             coarse = view.pixel_stride > 1
             return (replace(view, pixel_stride=1) if coarse else view), coarse, False
         if not (view.checked or view.pixel_stride > 1):
@@ -253,7 +252,7 @@ class RecordScheduler(Owner):
 
     def _select(self, view: ViewState, screen: Screen, side: int) -> ViewState:
         """Return the view with its present need, and the queue of a new round, coarse to fine; None without a request."""
-        settings = replace(self.settings, spread=0.0) if self.changing else self.settings
+        settings = replace(self.settings, spread=0.0) if self._changing else self.settings
         with self.timers("examine"):
             found, need = self._examination(screen, settings)
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles

@@ -119,12 +119,12 @@ class Frames(Owner):
 
         reserve = state.splat_seconds + later
         ready = gather and bounces and self._light_records(view, shadows, budget, reserve)
-        renewed, urgent = 0, scheduler.changing or not budget.limited  # else probes have given stale records the present light
-        if ready and (urgent or view.phase is Phase.SETTLED or view.stalled):  # 2.1, records whose light has changed
+        renewed = 0
+        if ready:  # 2.1, records whose light has changed
             # half of the time while pixels without a record wait too
             part = budget.part(1.0 if view.coverage == 1.0 else 0.5, reserve if picture else 0.0)
             renewed = scheduler.refresh(shadows, gbuffer, camera, part)
-        if urgent and (renewed or len(cache.stale)):
+        if renewed or len(cache.stale):
             view = replace(view, stalled_rounds=0)  # other light may end the stall
         if renewed and not picture and len(cache.stale) and (shown := stages.splats(state).sums) is not None:
             # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
@@ -242,8 +242,8 @@ class Frames(Owner):
         if shown is None or shown.subject != subject or self.stages.picture is not shown.view:
             return False
         splat, picture = state.splat_seconds, state.picture_seconds
-        # gathering gets half of the time, and three quarters once probes have given stale records the present light
-        share = 0.0 if not len(self.cache.stale) else 1.0 if self.scheduler.changing else 3.0
+        # gathering gets half of the time, and three quarters once probes have corrected all stale records
+        share = 0.0 if not len(self.cache.stale) else 1.0 if self.scheduler.gatherer.basis.moved else 3.0
         least = share * (splat + picture)
         return shown.age < max(min(_PICTURE_SHARE * picture, _OLDEST_PICTURE), least)
 
