@@ -8,6 +8,8 @@ lights at the gather: the less D overlaps with that of the gather, the smaller t
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
@@ -77,6 +79,9 @@ class Follower:
         of single sites miss: it follows the reflectance at hits by the squares of D, in means over sites around.
         """
         assert self.direct is not None
+        pairs = [(change.old.meshes[i].material, change.new.meshes[i].material) for i in change.repainted]
+        if any(replace(a, emission=b.emission, emission_texture=b.emission_texture) != b for a, b in pairs):
+            self._transport.known[:] = False
         before, after, emitted = np.ones_like(self.direct), np.ones_like(self.direct), np.zeros_like(self.direct)
         for old, new, own, inside in of_meshes(self._sites.records.column("triangle"), change, change.repainted):
             own[:FIRST_SITE] = False

@@ -41,7 +41,7 @@ class Transport:
         self.known[rows] = True
 
     def repaint(self, before: np.ndarray, after: np.ndarray) -> None:
-        """Change the reflectance at hits by that of the sites that light them, (S, 3) each. All rows become incomplete.
+        """Change the reflectance at hits by that of the sites that light them, (S, 3) each.
 
         The share of a ray that hit a black surface is 1/R: strata have equal weights.
         """
@@ -51,7 +51,6 @@ class Transport:
             values *= times[self._columns]
             if more.any():
                 values += more[self._columns]
-        self.known[:] = False
 
     def received(self, radiance: np.ndarray) -> np.ndarray:
         """Return (S, 3) the irradiance at sites by the `radiance` (S, 3) of the sites that light the hits of their rays."""
