@@ -143,7 +143,7 @@ class Frames(Owner):
         of, new, complete = (screen.sums, state.settings.request_criteria), 0, True
         gatherer = scheduler.gatherer
         probing = budget.limited and gather and bounces and state.settings.fill_holes and gatherer.may_probe_holes
-        if scheduler.hole_probes.follow(gatherer.surface_result, gatherer.basis.scene):
+        if scheduler.hole_probes.follow(gatherer.surface_result, gatherer.basis.scene, state.settings.shadow_size):
             view = replace(view, holes=None)
         first = not (cache.count or scheduler.hole_probes.cache.count)
         if not bounces:
