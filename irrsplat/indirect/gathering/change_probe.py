@@ -27,14 +27,12 @@ def columns_of(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
     )
 
 
-def unprobed(cache: RecordCache) -> np.ndarray:
-    """Return the numbers of the records without a probe. Records of few rays are probes themselves, and become known as such."""
+def adopt_probes(cache: RecordCache) -> None:
+    """Let records along as few rays as a probe be their own probes."""
     probe = cache.column("probe")
-    unknown = probe[:, 3] == 0.0
-    few = np.flatnonzero(unknown & (cache.column("gather_size") == SIDE))
+    few = np.flatnonzero((probe[:, 3] == 0.0) & (cache.column("gather_size") == SIDE))
     if len(few):
-        probe[few], unknown[few] = columns_of(cache, few), False
-    return np.flatnonzero(unknown)
+        probe[few] = columns_of(cache, few)
 
 
 def correction(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:

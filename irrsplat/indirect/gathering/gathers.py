@@ -16,7 +16,7 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE
+from irrsplat.indirect.gathering.change_probe import MAX_DRIFT
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import LINEAR, RecordCache
@@ -68,12 +68,10 @@ class Gathers(Owner):
     def gather(self, basis: Basis, side: int = 0) -> Gather:
         """Return the pass that gathers records along side² rays; 0: the settings' side.
 
-        The paper's algorithm gathers one record at a time, without next-event samples. A record along SIDE² rays is a probe, too.
-        For other sides, the number of samples grows in proportion to the rays, and is never less than the settings'.
+        The paper's algorithm gathers one record at a time, without next-event samples. For other sides, the number of samples
+        grows in proportion to the rays, and is never less than the settings'.
         """
         settings, present = basis.settings, basis.settings.gather_size
-        if side == SIDE < present:
-            return self.probe(basis, side)
         if side in (0, present):
             samples, capacity = (0, 1) if settings.placement == "scan" else (settings.light_samples, None)
             return self._made_for("gather", basis, present, samples, capacity)

@@ -17,7 +17,7 @@ from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, apply_probes, columns_of, scale_by_surface, unprobed
+from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, adopt_probes, apply_probes, columns_of, scale_by_surface
 from irrsplat.indirect.gathering.gathers import Basis, Gathers, RecordDifference
 from irrsplat.records.record_cache import LINEAR, RecordCache
 from irrsplat.scene.change import SceneChange
@@ -157,7 +157,8 @@ class RecordGatherer(Owner):
         other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way and not self.awaits_light
         if (other_bounces or (change and change.dimming is None)) and shadows is not None:
             if changed is None:  # probe the former light a last time
-                unknown = unprobed(cache)
+                adopt_probes(cache)
+                unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
                 cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
             if surface is not None and change:
                 surface.hold_light(shadows)
@@ -313,7 +314,7 @@ class RecordGatherer(Owner):
                 cache.invalidate(None if first else np.arange(cache.count))
             if first or (relit and before is None):
                 return
-            unprobed(cache)
+            adopt_probes(cache)
             cache.column("due")[:] += change
             self.basis = replace(self.basis, moved=True)
         if before is not None and (self.difference or not surface.current or (relit and not followed)):
@@ -350,7 +351,7 @@ class RecordGatherer(Owner):
         rays may suffice.
         """
         done, size = 0, size or self._provisional_side
-        for some in self.gathers.gather(self.basis, size).batches(len(sites), budget):
+        for some in self._pass_along(size).batches(len(sites), budget):
             with self.cache.adding(sites[some]) as numbers:
                 self.cache.column("gather_size")[numbers] = self._gather(shadows, numbers, size, np.full(len(numbers), near))
             done = some.stop
@@ -370,7 +371,7 @@ class RecordGatherer(Owner):
             if not len(numbers) or budget.left <= 0.0:
                 return done
         first = done
-        for some in self.gathers.gather(self.basis, size).batches(len(numbers), budget):
+        for some in self._pass_along(size).batches(len(numbers), budget):
             near = self.cache.column("gather_size")[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
             done = first + some.stop
@@ -420,7 +421,7 @@ class RecordGatherer(Owner):
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
         if len(numbers):
-            self.atlas = gathered(self.gathers.gather(self.basis, size), numbers=numbers)
+            self.atlas = gathered(self._pass_along(size), numbers=numbers)
         return sizes
 
     @property
@@ -433,6 +434,14 @@ class RecordGatherer(Owner):
     def _provisional_side(self) -> int:
         """The side of provisional records' gathers; 0: the settings' side."""
         return SIDE if self.provisional and self.settings.gather_size > SIDE else 0
+
+    def _pass_along(self, size: int) -> Gather:
+        """Return the pass that gathers records along size² rays; 0: the settings' side. Provisional records are probes, too."""
+        return (
+            self.gathers.probe(self.basis, size)
+            if size and size == self._provisional_side
+            else self.gathers.gather(self.basis, size)
+        )
 
     @property
     def _fewer(self) -> int:
