@@ -76,7 +76,9 @@ def across(rows: np.ndarray, box: np.ndarray) -> np.ndarray:
 
 
 def cascades(scene: Scene) -> int:
-    """Return the number of cascades of a directional light: each has texels narrower by CASCADE_RATIO than the tile before."""
+    """Return the number of cascades of directional lights, 0 without one: each has texels of 1/CASCADE_RATIO of the width."""
+    if not any(light.directional for light in scene.lights):
+        return 0
     width = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / _TEXELS
     greatest = min(_TEXEL[0] * scene.diagonal, _TEXEL[1])
     return min(math.ceil(math.log(max(width / greatest, 1.0), CASCADE_RATIO)), _MOST_CASCADES)
@@ -87,8 +89,7 @@ def focus_of(scene: Scene, eyes: np.ndarray) -> tuple[float, ...]:
 
     It stays until the eye has moved by about a quarter of the narrowest tile.
     """
-    count = cascades(scene) if any(light.directional for light in scene.lights) else 0
-    if not count or not len(eyes):
+    if not (count := cascades(scene)) or not len(eyes):
         return ()
     step = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / (8.0 * CASCADE_RATIO**count)
     return tuple((np.round(eyes[0] / step) * step).tolist())
@@ -154,7 +155,7 @@ def light_table(scene: Scene, side: int, focus: tuple[float, ...] = ()) -> Light
         row[LightRow.POSITION] = [*(_unit(direction) if light.directional else direction), light.directional]
         # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); with an intensity I: E = I·cosθ·spot/d²;
         # I of a luminaire is its colour times its photometry
-        cube = len(matrices) == len(_CUBE)
+        cube = len(matrices) > 1 and not light.directional
         row[LightRow.COLOR] = [*(np.asarray(light.color) * (1.0 if light.physical else np.pi)), len(_CUBE) if cube else 1]
         row[LightRow.FALLOFF] = [*((0, 0, 1) if light.physical else light.attenuation), light.spot_exponent]
         if light.spot_target is not None and light.has_cone:
@@ -178,7 +179,7 @@ def _cubes(scene: Scene) -> list[bool]:
 def tile_count(scene: Scene) -> int:
     """Return the number of shadow tiles of the scene's lights."""
     parallel = sum(light.directional for light in scene.lights)
-    return sum(6 if cube else 1 for cube in _cubes(scene)) + (parallel * cascades(scene) if parallel else 0)
+    return sum(6 if cube else 1 for cube in _cubes(scene)) + parallel * cascades(scene)
 
 
 def sheet(count: int, side: int, limit: int) -> tuple[int, int, int]:
@@ -201,7 +202,7 @@ def light_defines(scene: Scene) -> dict[str, int]:
         "LIGHTS_WITH_CUBE": int(any(cubes)),
         "LIGHTS_WITH_TILE": int(not all(cubes)),
         "LIGHTS_PARALLEL": int(any(light.directional for light in scene.lights)),
-        "LIGHTS_CASCADED": int(any(light.directional for light in scene.lights) and cascades(scene) > 0),
+        "LIGHTS_CASCADED": int(cascades(scene) > 0),
         "LIGHTS_WITH_CONE": int(any(light.has_cone for light in scene.lights)),
         "LIGHTS_WITH_LUMINAIRE": int(bool(different)),
         **({"PHOTOMETRY_HALVINGS": halvings(different)} if different else {}),
