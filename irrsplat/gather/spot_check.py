@@ -119,11 +119,10 @@ class SpotPass(Owner):
 class SpotCheck:
     """The progress of a spot check: an immutable value.
 
-    whole: the positions at the start. spots: the positions of the present probes. found: (K,) luminances, W/m², at the first K
-    of `spots`. stage: index of the present probes in SIDES.
+    spots: the positions of the present probes. found: (K,) luminances, W/m², at the first K of them. stage: index of the present
+    probes in SIDES.
     """
 
-    whole: Spots
     spots: Spots
     found: np.ndarray = field(default_factory=lambda: np.zeros(0))
     stage: int = 0

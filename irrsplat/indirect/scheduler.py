@@ -201,8 +201,7 @@ class RecordScheduler(Owner):
             pays = gatherer.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]  # a gather has four times the rays
             if not (spots and self.room and self.settings.spread and pays and self._checked < self.cache.count):
                 return replace(view, checked=True)
-            left = self._unchecked(screen.spots())
-            check = SpotCheck(left, left)
+            check = SpotCheck(self._unchecked(screen.spots()))
         while True:
             more = gatherer.probe_luminance(shadows, check.spots.sites[len(check.found) :], budget, SIDES[check.stage])
             check = replace(check, found=np.concatenate([check.found, more]))
@@ -210,7 +209,7 @@ class RecordScheduler(Owner):
                 return replace(view, check=check)
             if check.stage == len(SIDES) - 1:
                 break
-            check = SpotCheck(check.whole, check.significant, stage=check.stage + 1)
+            check = SpotCheck(check.significant, stage=check.stage + 1)
             if budget.left <= 0.0:
                 return replace(view, check=check)
         sites = check.significant.sites[: self.room]
