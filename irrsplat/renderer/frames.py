@@ -348,7 +348,7 @@ class Frames(Owner):
         if view.subject[1:] != self.state.view_subject:
             return view
         subject = view.subject[0], *replace(self.state, scene=after.scene).view_subject
-        return replace(view, subject=subject, phase=Phase.START, need=view.need._replace(of=()))
+        return replace(view, subject=subject, phase=Phase.START, stalled_rounds=0, need=view.need._replace(of=()))
 
     def forget(self, shadows: bool) -> None:
         """Draw every buffer of the view again next time; the shadow maps only with `shadows`."""

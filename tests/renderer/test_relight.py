@@ -102,6 +102,22 @@ def test_a_single_light_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any) -
             assert np.allclose(one, other, rtol=1e-4, atol=1e-5 * other.max())
 
 
+def test_a_dimmed_view_goes_on_to_request_records(ctx: moderngl.Context) -> None:
+    """Each of ten dimmings completes a round without a gain. None of them counts towards a stall of the view.
+
+    A view gives up after eight successive rounds without a gain. Later, another colour makes records differ, and pixels between
+    them request further records.
+    """
+    with Renderer(lit_by(LIGHT, sky=0.0), SIZE, ctx=ctx, **{**TRACED, "bounces": 1}) as renderer:
+        renderer.render()
+        for factor in 10 * [(0.9, 0.9, 0.9)]:
+            renderer.relight([coloured(renderer.scene.lights[0], *factor)])
+            assert ticks(renderer, 10.0)[-1].done
+        before = renderer.cache.count
+        renderer.relight([coloured(renderer.scene.lights[0], 0.01, 1.0, 0.01)])
+        assert ticks(renderer, 10.0)[-1].done and renderer.cache.count > before
+
+
 def truth(renderer: Renderer, count: int = 250) -> fine_gather.Truth:
     """Return the renderer's fine gather of one bounce at some of its pixels."""
     seen = paper_scan.read_back(renderer.frame(gather=False)[0].gbuffer)
