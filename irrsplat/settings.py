@@ -113,7 +113,13 @@ class Settings:
 
     # the order of the stages is the order of the frame
     shadow_size: int = _declare(
-        1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
+        1024,
+        "int",
+        "shadow",
+        "side of one shadow map tile; a point light has six, the sun of a vast scene up to four",
+        low=16,
+        high=4096,
+        unit="texels",
     )
     seed: int = _declare(0, "int", "gather", "seed of all random numbers; equal seeds give equal bits", low=0, high=2**31 - 1)
     bounces: int | All = _declare(
