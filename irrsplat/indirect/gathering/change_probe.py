@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from irrsplat.core.vectors import along_a_way
 from irrsplat.gather.spot_check import SIDES
 from irrsplat.records.record_cache import PROBED, RecordCache
 from irrsplat.settings import WIDE
@@ -16,6 +17,7 @@ from irrsplat.settings import WIDE
 SIDE = SIDES[1]  # of the gather of a probe, and of any other with few rays: its own rays still measure its noise
 _MOST = 2.0  # times the surface cache, the most that a record is taken to be brighter; and the most that its gradient grows
 _DARK = 0.1  # of the greater mean irradiance: below, the ratio of a record to the surface cache is not known
+_NEAR = 8  # records whose mean change of the surface cache scales each of them
 MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 
 
@@ -86,9 +88,13 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
     """Let all records follow the surface cache at their places, (N, 3) W/m² `before` and `after`.
 
     A record holds its former ratio to the surface cache, which resolves near surfaces less. Its probe follows, too, so that the
-    next probe corrects the estimate.
+    next probe corrects the estimate. Light changes by the ratio of means over near records: values that follow a light are noisy
+    from site to site. In the dark, where a ratio is not known, each record has its own change.
     """
     numbers, floor = np.arange(cache.count), _DARK * float(max(before.mean(), after.mean())) + 1e-20
+    around, later = np.split(_around(cache, np.concatenate([before, after], axis=1)), 2, axis=1)
+    known = around / (around + floor)
+    after = known * before * later / np.maximum(around, 1e-20) + (1.0 - known) * after
     x = columns_of(cache, numbers)
     E = after * np.minimum((x[:, :3] + floor) / (before + floor), _MOST)
     scale = np.minimum(E / np.maximum(x[:, :3], 1e-20), _MOST)
@@ -100,6 +106,19 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
     probe = cache.column("probe")
     probe[:] = np.where(probe[:, 3:4] > 0.0, probe + rows - x, 0.0)
     _set_columns(cache, numbers, rows, radii)
+
+
+def _around(cache: RecordCache, values: np.ndarray) -> np.ndarray:
+    """Return (N, K) the means of `values` (N, K) over _NEAR records that lie close together and face alike."""
+    sites, count = cache.sites(slice(0, cache.count)), cache.count
+    axis = np.abs(sites.normal).argmax(1)
+    facing = 2 * axis + (sites.normal[np.arange(count), axis] < 0.0)
+    order = np.lexsort((along_a_way(sites.position), facing))
+    sums = np.cumsum(np.pad(values[order].astype(float), ((1, 0), (0, 0))), axis=0)
+    first, after = (np.clip(np.arange(count) + step, 0, count) for step in (-_NEAR // 2, _NEAR // 2))
+    means = np.empty(values.shape)
+    means[order] = (sums[after] - sums[first]) / (after - first)[:, None]
+    return means
 
 
 def _set_columns(cache: RecordCache, numbers: np.ndarray, rows: np.ndarray, radii: tuple[float, float]) -> None:
