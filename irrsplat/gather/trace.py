@@ -140,8 +140,8 @@ class TraceGather(Gather):
         sky_share = None if self.sky is None else self.sky(rows, hits, areas)
         close = None
         if self._close_light is not None:
-            (planes,) = self._read((1,), count)
-            found = self._close_hits()(light, rows, sites, sites.frame_rotations(numbers), planes, self._rays, hits, seed)
+            rotations, planes = sites.frame_rotations(numbers), self._read(1, count)
+            found = self._close_hits()(light, rows, sites, rotations, planes, self._rays, hits, seed)
             self._close_light.write(found.tobytes(), viewport=(0, 0, count, 1))
             close = {**(light.surface or {}), "close_light": self._close_light}
         return replace(atlas, count=count, light_samples=samples, sky_share=sky_share, close_light=close)
@@ -166,22 +166,17 @@ class TraceGather(Gather):
         The number (N, R) of a value of the surface cache at each hit, -1 for a miss or an unknown value; and the reflectance
         (N, R, 3), 0 there. The value is one of three there, drawn by its weight; in a survey, that of the greatest weight.
         """
-        (found,) = (cells(one, np.s_[:], count) for one in self._read((2,), count))
+        found = cells(self._read(2, count), np.s_[:], count)
         return found[..., 3].astype(np.intp), found[..., :3]
 
     def met(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position and shading normal on the side of the hit, (N, R, 3) each, and the triangle's number in the scene,
         (N, R), for the rays of `hits`; undefined for a miss."""
-        place, normal = (cells(one, np.s_[:], count) for one in self._read((3, 4), count))
+        place, normal = (cells(self._read(number, count), np.s_[:], count) for number in (3, 4))
         return place[..., :3], normal[..., :3], place[..., 3].astype(np.intp)
 
-    def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:
-        """Return these outputs of the last call's first `count` records, see `cells`."""
+    def _read(self, output: int, count: int) -> np.ndarray:
+        """Return (lines, columns, height, width, 4) an output of the last call for its first `count` records, see `cells`."""
         lines, columns, (width, height) = -(-count // self.atlas.columns), self.atlas.columns, self.cell
-        used = 0, 0, columns * width, lines * height
-        return [
-            np.frombuffer(self.target.gl.read(used, 4, attachment=number, dtype="f4"), "f4")
-            .reshape(lines, height, columns, width, 4)
-            .swapaxes(1, 2)
-            for number in outputs
-        ]
+        texels = self.target.gl.read((0, 0, columns * width, lines * height), 4, attachment=output, dtype="f4")
+        return np.frombuffer(texels, "f4").reshape(lines, height, columns, width, 4).swapaxes(1, 2)
