@@ -79,9 +79,13 @@ def cascades(scene: Scene) -> int:
     """Return the number of cascades of directional lights, 0 without one: each has texels of 1/CASCADE_RATIO of the width."""
     if not any(light.directional for light in scene.lights):
         return 0
-    width = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / _TEXELS
-    greatest = min(_TEXEL[0] * scene.diagonal, _TEXEL[1])
-    return min(math.ceil(math.log(max(width / greatest, 1.0), CASCADE_RATIO)), _MOST_CASCADES)
+    texel, greatest = _extent(scene) / _TEXELS, min(_TEXEL[0] * scene.diagonal, _TEXEL[1])
+    return min(math.ceil(math.log(max(texel / greatest, 1.0), CASCADE_RATIO)), _MOST_CASCADES)
+
+
+def _extent(scene: Scene) -> float:
+    """Return metres, the greatest width of a directional light's first tile, in any direction."""
+    return float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0)))
 
 
 def focus_of(scene: Scene, eyes: np.ndarray) -> tuple[float, ...]:
@@ -91,7 +95,7 @@ def focus_of(scene: Scene, eyes: np.ndarray) -> tuple[float, ...]:
     """
     if not (count := cascades(scene)) or not len(eyes):
         return ()
-    step = float(np.linalg.norm(np.ptp(scene.shaded_bounds, axis=0))) / (8.0 * CASCADE_RATIO**count)
+    step = _extent(scene) / (8.0 * CASCADE_RATIO**count)
     return tuple((np.round(eyes[0] / step) * step).tolist())
 
 

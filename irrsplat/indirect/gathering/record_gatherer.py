@@ -437,11 +437,8 @@ class RecordGatherer(Owner):
 
     def _pass_along(self, size: int) -> Gather:
         """Return the pass that gathers records along size² rays; 0: the settings' side. Provisional records are probes, too."""
-        return (
-            self.gathers.probe(self.basis, size)
-            if size and size == self._provisional_side
-            else self.gathers.gather(self.basis, size)
-        )
+        gathers, provisional = self.gathers, size > 0 and size == self._provisional_side
+        return gathers.probe(self.basis, size) if provisional else gathers.gather(self.basis, size)
 
     @property
     def _fewer(self) -> int:
