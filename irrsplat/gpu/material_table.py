@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from functools import cached_property
 
 import moderngl
@@ -55,15 +54,6 @@ class MaterialTable(Owner):
         else:
             before, self.texture = self.texture, table_texture(self.ctx, rows)
             before.release()
-
-    def without_emission(self) -> MaterialTable:
-        """Return the same table with materials that emit nothing; it shares the layers of textures."""
-        _ = self.light_uniforms  # makes the layers
-        found = copy(self)
-        rows = np.frombuffer(self.texture.read(), "f4").reshape(-1, MATERIAL_ROWS, TABLE_COLUMNS, 4).copy()
-        rows[:, MaterialRow.EMISSION, :, :3] = 0.0
-        found.texture = table_texture(self.ctx, rows.reshape(-1, TABLE_COLUMNS, 4))
-        return found
 
     @property
     def defines(self) -> dict[str, int]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
@@ -24,7 +23,7 @@ from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.scene.appearance import flatten, numbered_alike, runs
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.emitters import unlit_interiors
-from irrsplat.scene.model import Light, Mesh, Scene
+from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import CUT_OUT, Holes, face_counts, sort_of
 from irrsplat.scene.spatial.bvh import Bvh, build
@@ -243,17 +242,3 @@ class World(Owner):
             self._uploaded = scene.meshes
         self.unlit_interiors = unlit_interiors(scene)
         self.scene = scene
-
-
-class PartlyLitWorld(World):
-    """A `world` in which these `lights` alone emit. It shares geometry and ray structures, and is valid until anything moves."""
-
-    def __init__(self, world: World, lights: tuple[Light, ...]) -> None:
-        world.casts_rays()  # makes the structures that both share
-        vars(self).update({**vars(world), "_own": []})
-        dark, meshes = (0.0, 0.0, 0.0), world.scene.meshes
-        if world.scene.emissive:
-            meshes = tuple(replace(mesh, material=replace(mesh.material, emission=dark)) for mesh in meshes)
-        self.scene = replace(world.scene, lights=lights, meshes=meshes, sky=dark, sky_gradient=dark, environment=None)
-        self.materials, self.derived = world.materials.without_emission(), self.own(Workshop())
-        self.own(self.materials.texture)  # the layers of textures are shared

@@ -71,7 +71,7 @@ class RecordScheduler(Owner):
         kept = self.gatherer.apply(settings, change, shadows)
         if limited and change.dimming is not None and not np.ptp(change.dimming):  # limits depend on ratios of light alone
             self.adaptation.accept(vars(settings), self.adaptation.compared)
-        other_lights = change and change.dimming is None and self.gatherer.difference is None
+        other_lights = change and change.dimming is None
         if other_lights or self.settings.most_bounces != bounces:  # light differs otherwise from place to place
             self._checked = 0
         if kept is not None:
@@ -107,8 +107,8 @@ class RecordScheduler(Owner):
 
     @property
     def _changing(self) -> bool:
-        """True while records are stale or provisional: their variance and their difference from probes have no meaning."""
-        return len(self.cache.stale) > 0 or self.gatherer.provisional
+        """True while records may be stale or are provisional: their variance and difference from probes have no meaning."""
+        return self.cache.waiting > 0 or self.gatherer.provisional
 
     def need(self, screen: Screen) -> Need:
         """Return the present need of the view, without a gather."""

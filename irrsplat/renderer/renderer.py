@@ -261,8 +261,8 @@ class Renderer(Tenant):
     def relight(self, lights: Sequence[Light]) -> None:
         """Apply other lights.
 
-        Records are scaled if all light changes by one factor per channel. If few of many lights change, records get the
-        difference. Otherwise they are gathered again in place. Raises InputError for too many lights.
+        Records are scaled if all light changes by one factor per channel. Otherwise probes correct them, and those that change
+        by more than 2 % are gathered again in place. Raises InputError for too many lights.
         """
         self._change_to(replace(self._frames.state, scene=replace(self.scene, lights=cast(tuple[Light, ...], lights)).local))
 

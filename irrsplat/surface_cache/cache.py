@@ -7,8 +7,6 @@ complete. Progressive refinement adds finer levels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import moderngl
 import numpy as np
 
@@ -24,7 +22,6 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.light_difference import LightPart
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
 from irrsplat.surface_cache.surface_sites import SurfaceSites, no_sites
@@ -36,8 +33,8 @@ _LIGHT = "seed", "bounces", "light_samples", "shadow_size"  # settings on which 
 class SurfaceCache(Owner):
     """The surface cache of a world's scene. detail: the density of sites and rays of its full level.
 
-    level: the full level. in_use: the level of the values that lookups read. In ticks, a coarse level provides the values until
-    the full level is complete. Finer levels replace the full level.
+    level: the full level. relit: True while its values are of other lights or materials. in_use: the level of the values that
+    lookups read. In ticks, a coarse level provides the values until the full level is complete. Finer levels replace it.
     """
 
     def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
@@ -46,7 +43,7 @@ class SurfaceCache(Owner):
         self._coarse: SiteLevel | None = None  # made by the first tick
         self.in_use = self.level
         self._next: SiteLevel | None = None  # the unfinished finer level
-        self._relit = False  # True while the full level has values of other lights or materials
+        self.relit = False
         self._eye, self._suits = b"", Memo()  # the eye of the last view
         self._no_sites, self._view_pass, self._viewed = no_sites(world.ctx), SurfaceViewPass(world.ctx), Memo()
 
@@ -91,7 +88,7 @@ class SurfaceCache(Owner):
     @property
     def _outdated(self) -> bool:
         """True if the values of the full level are of another light, or missing."""
-        return self._relit or self.level.light is None
+        return self.level.light is None or (self.relit and not (self.in_use is self.level and self.level.is_close))
 
     def uniforms(self, sites: SurfaceSites | None = None) -> Uniforms:
         """Return the uniforms of shaders/surface_cache/lookup.glsl for these `sites`; None for those in use."""
@@ -113,21 +110,14 @@ class SurfaceCache(Owner):
             if level.follower is not None:
                 level.follower.begin(shadows)
 
-    def may_add(self) -> bool:
-        """True if a difference between lights may be added to the full level."""
-        return self.level.may_add() and not self.is_coarse
-
-    def change(self, settings: Settings, change: SceneChange, difference: Sequence[LightPart] = ()) -> None:
-        """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones.
-
-        difference: of the light, if it may be added, see `may_add`.
-        """
+    def change(self, settings: Settings, change: SceneChange) -> None:
+        """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones."""
         level, coarse = self.level, self._coarse
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
         outdated = self._outdated
-        self._relit |= change.changes_light and change.dimming is None
-        level.change(settings, change, difference)
+        self.relit |= change.changes_light and change.dimming is None
+        level.change(settings, change)
         if coarse is not None and change.moved and level.follower is not None:  # the values of the full level follow
             self._coarse, self.in_use = None, level
             coarse.release()
@@ -137,7 +127,6 @@ class SurfaceCache(Owner):
     def expire(self) -> None:
         """Gather all again."""
         self._drop_finer()
-        self.level.difference = None
         for level in filter(None, (self.level, self._coarse)):
             level.expire()
 
@@ -163,13 +152,13 @@ class SurfaceCache(Owner):
         with self.timers("surface"):
             level = self.level
             made, changed = level, level.follow(shadows, budget)
-            if changed is None and budget.limited and self._outdated and self.starts_coarse and level.difference is None:
+            if changed is None and budget.limited and self._outdated and self.starts_coarse:
                 self._coarse = self._coarse or SiteLevel(self.world, level.settings, COARSE)
                 made = level if self._coarse.complete else self._coarse
             if made is self.in_use is self._coarse:
                 changed = made.follow(shadows, budget)
             if changed is None and made.make(shadows, budget):
-                self._relit, changed = self._relit and made is self._coarse, 1.0
+                self.relit, changed = self.relit and made is self._coarse, 1.0
         if changed is not None:
             self.in_use = made
         return changed

@@ -6,7 +6,6 @@ follow by sums. While lights or meshes move, a Follower updates the values in us
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,13 +22,13 @@ from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.follower import Follower
-from irrsplat.surface_cache.light_difference import LightPart
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_places import Survey
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
+_CLOSE = 0.1  # of the mean irradiance: change from a gather up to which values that follow replace coarse ones
 _STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
 
 
@@ -64,8 +63,7 @@ class SiteLevel(Owner):
         self.complete = False
         self.sites: SurfaceSites | None = None
         self.follower: Follower | None = None
-        # between the light and the scene's, and the light before; None: all is gathered again
-        self.difference: tuple[Sequence[LightPart], BouncedLight | None] | None = None
+        self._gathered: BouncedLight | None = None  # the last values that no follower has updated
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -93,18 +91,19 @@ class SiteLevel(Owner):
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 
-    def may_add(self) -> bool:
-        """True if a difference between lights may be added to the values."""
-        shown = self.shown
-        known = shown is not None and (shown.transport is not None or self.settings.most_bounces == 2)
-        return self.complete and shown is self.sites and known
+    @property
+    def is_close(self) -> bool:
+        """True if values that follow a change of the scene differ little from the values of the last gather."""
+        if self.light is None or self._gathered is None or self.follower is None:
+            return False
+        before = self._gathered.irradiance
+        return bool(np.abs(self.light.irradiance - before).mean() <= _CLOSE * before.mean())
 
-    def change(self, settings: Settings, change: SceneChange, difference: Sequence[LightPart] = (), finish: bool = False) -> None:
+    def change(self, settings: Settings, change: SceneChange, finish: bool = False) -> None:
         """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones.
 
-        difference: of the light, if it may be added, see `may_add`. finish: True if half-made values are completed first.
+        finish: True if half-made values are completed first.
         """
-        self.difference = (difference, self.light) if difference else None
         unlit, self._unlit = self._unlit, self.world.unlit_interiors
         old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
@@ -147,6 +146,8 @@ class SiteLevel(Owner):
             self.follower.dim(f)
         if self.light is not None:
             self._show(self.light.irradiance * f)
+        if self._gathered is not None:
+            self._gathered = replace(self._gathered, irradiance=self._gathered.irradiance * f)
 
     def _repaint(self, change: SceneChange) -> None:
         """Let the follower follow repainted meshes; without one, discard the transport, which is of other reflectances."""
@@ -200,8 +201,6 @@ class SiteLevel(Owner):
             sites = self._lay_out(budget)
             if sites is None or not self._find_places(sites, shadows, budget):
                 return False
-            if self.difference is not None:
-                return self._add(*self.difference, sites, budget)
             self._gather_sites(sites, shadows, budget)
             if len(sites.records.stale):
                 return False
@@ -216,19 +215,6 @@ class SiteLevel(Owner):
             self._mixed = False
             self._forget_transport()
             self.expire()
-        return True
-
-    def _add(self, difference: Sequence[LightPart], before: BouncedLight | None, sites: SurfaceSites, budget: Budget) -> bool:
-        """Continue the `difference` between the sites within the budget. Return True once it is added to the light `before`."""
-        if not all(part.bounce(sites, self.detail, budget) for part in difference):
-            return False
-        assert before is not None
-        records, numbers = sites.records, np.arange(sites.records.count)
-        first, bounced = np.sum([part.at_sites for part in difference], axis=0)
-        records.correct({"irradiance": np.maximum(records.read()["irradiance"] + first, 0.0)}, numbers)
-        records.mark_refreshed(numbers)
-        self.difference = None
-        self._use(sites, replace(before, irradiance=np.maximum(before.irradiance + bounced, 0.0)))
         return True
 
     def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:
@@ -333,7 +319,7 @@ class SiteLevel(Owner):
     def _use(self, sites: SurfaceSites, made: BouncedLight) -> None:
         """Set the values of the lookups to those `made` at these `sites`."""
         sites.write(made.irradiance)
-        sites.light = made
+        sites.light = self._gathered = made
         before, self.shown, self.complete = self.shown, sites, True
         self._steps.bouncing, self.follower, self.still, self._moved = None, None, np.inf, False
         if sites.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:

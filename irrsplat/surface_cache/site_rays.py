@@ -20,7 +20,6 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
-from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.site_layout import Detail
 from irrsplat.surface_cache.surface_sites import SurfaceSites
@@ -93,16 +92,12 @@ class SiteRays(Owner):
         numbers: np.ndarray,
         shadows: ShadowMaps,
         budget: Budget,
-        into: RecordCache | None = None,
     ) -> Iterator[np.ndarray]:
-        """Gather E_1 at the sites of these `numbers` within the budget. Yield the numbers of each batch once records hold it.
-
-        into: other records of the sites; None: those of `sites`.
-        """
+        """Gather E_1 at the sites of these `numbers` within the budget. Yield the numbers of each batch once records hold it."""
         # neither a survey nor coarse light waits for the tree of the rays of virtual point lights
         virtual = sites.places is not None and (self._detail.level >= 0 or self.world.has_tree)
         light = HitLight(shadows, sites.uniforms(self.world), virtual)
-        reduce, records, seed = self._reduce[gather.places], into or sites.records, self.settings.seed
+        reduce, records, seed = self._reduce[gather.places], sites.records, self.settings.seed
         for some in gather.batches(len(numbers), budget):
             gather_records(gather, reduce, light, records, numbers[some], seed, where=sites.origins)
             yield numbers[some]

@@ -96,7 +96,7 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
     known = around / (around + floor)
     after = known * before * later / np.maximum(around, 1e-20) + (1.0 - known) * after
     x = columns_of(cache, numbers)
-    E = after * np.minimum((x[:, :3] + floor) / (before + floor), _MOST)
+    E = np.maximum(x[:, :3] + (after - before) * np.minimum((x[:, :3] + floor) / (before + floor), _MOST), 0.0)
     scale = np.minimum(E / np.maximum(x[:, :3], 1e-20), _MOST)
     added = (E - scale * x[:, :3])[:, :, None] * cache.sites(numbers).normal[:, None]
     rows = x.copy()

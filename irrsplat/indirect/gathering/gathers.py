@@ -1,4 +1,4 @@
-"""Inputs of records, the passes that gather by them, and the difference that a change of few lights makes to records."""
+"""Inputs of records, and the passes that gather by them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,11 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.gathering.change_probe import MAX_DRIFT
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.records.record_cache import LINEAR, RecordCache
-from irrsplat.scene.model import Light, Scene
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
-from irrsplat.surface_cache.light_difference import LightPart
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class Basis:
     """Scene and settings of the cache's records, and changes that the records do not follow yet.
 
     kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed, and the affected records are not
-    selected yet. relit: True if lights or materials have changed since the surface cache was made. from_file: the statistics
+    selected yet. from_file: the statistics
     `bounces` of records from a file, until their surface cache is made.
     """
 
@@ -38,7 +36,6 @@ class Basis:
     settings: Settings
     kind: str
     moved: bool = False
-    relit: bool = False
     from_file: Mapping[str, object] | None = None
 
     @cached_property
@@ -105,33 +102,3 @@ class Gathers(Owner):
         numbers = records.append(sites) + np.arange(len(sites))
         gather_records(gather, self.reduction(gradients), light, records, numbers, settings.seed, timers)
         return records
-
-
-class RecordDifference(Owner):
-    """The difference that changed lights of a `world` make to the present records of a `cache`, gathered as in `basis`.
-
-    changed: from `changed_lights`. held: the columns of the records before the change.
-    """
-
-    def __init__(self, world: World, changed: tuple[list[Light], list[Light]], basis: Basis, cache: RecordCache) -> None:
-        signed = [(tuple(lights), sign) for lights, sign in zip(changed, (1.0, -1.0), strict=True) if lights]
-        self.parts = [self.own(LightPart(world, basis.settings, *part)) for part in signed]
-        self._made = [(self.own(Gathers(part.world)), replace(basis, scene=part.world.scene)) for part in self.parts]
-        self.held, self._evicted = cache.records.read(*LINEAR), cache.evicted
-
-    def left(self, cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
-        """Return the records among these stale `numbers` that lack the difference, in their order.
-
-        A record that stays stale with the difference has a drift above MAX_DRIFT.
-        """
-        if cache.evicted != self._evicted:  # numbers have changed
-            return numbers[:0]
-        there = numbers[numbers < len(self.held["irradiance"])]
-        return np.asarray(there[cache.column("drift")[there] <= MAX_DRIFT])
-
-    def gathers(self, side: int) -> list[tuple[Gather, HitLight, float]]:
-        """Return the gather, the light and the sign of each part; side: of the gathers."""
-        return [
-            (gathers.gather(basis, side), part.light, part.sign)
-            for (gathers, basis), part in zip(self._made, self.parts, strict=True)
-        ]

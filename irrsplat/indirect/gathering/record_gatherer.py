@@ -17,14 +17,12 @@ from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, adopt_probes, apply_probes, columns_of, scale_by_surface
-from irrsplat.indirect.gathering.gathers import Basis, Gathers, RecordDifference
-from irrsplat.records.record_cache import LINEAR, RecordCache
+from irrsplat.indirect.gathering.change_probe import SIDE, adopt_probes, apply_probes, columns_of, scale_by_surface
+from irrsplat.indirect.gathering.gathers import Basis, Gathers
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Light
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.light_difference import changed_lights
 from irrsplat.surface_cache.site_layout import Detail, detail_for
 from irrsplat.surface_cache.transport import BouncedLight
 
@@ -34,7 +32,6 @@ _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have 
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
 _PROBE_SHARE = 0.35  # of a tick: share for probes after a change, in any case
-_WHOLE = 0.5  # of E: sum of the differences of a record's light after which it is gathered again
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
 
@@ -62,7 +59,7 @@ class RecordGatherer(Owner):
         self.gathers = self.own(Gathers(world))
         self._count = 0  # of the records at the last advance of the surface cache
         self._built = True  # False while a tick awaits structures of rays
-        self._made = self.own(Workshop())  # the surface cache and the difference of the light
+        self._made = self.own(Workshop())  # the surface cache
 
     # ---- the passes -------------------------------------------------------------------------------------------------
 
@@ -152,14 +149,12 @@ class RecordGatherer(Owner):
         new = replace(old, scene=scene, settings=settings, kind=kinds.kind(self.ctx, settings))
         surface = self._made.find("surface", SurfaceCache)
         # work that may fail comes first
-        changed = self._changed_lights(new, change)
         # another way to gather voids all probes; records from a file have light that no probe finds without a surface cache
         other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way and not self.awaits_light
         if (other_bounces or (change and change.dimming is None)) and shadows is not None:
-            if changed is None:  # probe the former light a last time
-                adopt_probes(cache)
-                unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
-                cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
+            adopt_probes(cache)
+            unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
+            cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)  # the former light, a last time
             if surface is not None and change:
                 surface.hold_light(shadows)
         try:
@@ -170,7 +165,7 @@ class RecordGatherer(Owner):
             self.world.apply(change.back)
             raise
         try:
-            kept = self._follow_records(old, new, change, changed)
+            kept = self._follow_records(old, new, change)
         except BaseException:
             cache.truncate(0)
             self._made.clear()
@@ -178,30 +173,9 @@ class RecordGatherer(Owner):
             raise
         return kept
 
-    def _changed_lights(self, new: Basis, change: SceneChange) -> tuple[list[Light], list[Light]] | None:
-        """Return the changed lights, see `changed_lights`, if their difference may be added to all records, else None.
-
-        new: the basis after the `change`.
-        """
-        old, surface = self.basis, self.surface
-        complete = not (len(self.cache.stale) or old.moved or old.from_file) and (surface is None or surface.may_add())
-        rays = old.kind in ("trace", "embree") and old.settings.placement != "scan"
-        same = complete and rays and old.settings == new.settings
-        return changed_lights(change) if same and change.relit and not change.was_dark and self.cache.count else None
-
-    @property
-    def difference(self) -> RecordDifference | None:
-        """The difference between the light of stale records and the scene's; None if records are gathered again."""
-        return self._made.find("difference", RecordDifference)
-
-    def _follow_records(
-        self, old: Basis, new: Basis, change: SceneChange, changed: tuple[list[Light], list[Light]] | None
-    ) -> np.ndarray | None:
+    def _follow_records(self, old: Basis, new: Basis, change: SceneChange) -> np.ndarray | None:
         """Let the records and the surface cache follow the scene and the settings. Return the numbers of kept records, None for
-        all.
-
-        changed: lights whose difference is added to the records.
-        """
+        all."""
         cache, kept, was, settings = self.cache, None, old.settings, new.settings
         # pixels without a record show probes, and black records would stay
         if change.was_dark or any(getattr(was, name) != getattr(settings, name) for name in _PLACES):
@@ -212,13 +186,10 @@ class RecordGatherer(Owner):
         if change.dimming is not None:
             cache.dim(change.dimming)
         elif change:
-            new = replace(new, moved=changed is None, relit=old.relit or change.changes_light, from_file=None)
+            new = replace(new, moved=True, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
-        self._made.drop("difference")
-        if changed is not None:
-            self._made.get("difference", (), partial(RecordDifference, self.world, changed, new, cache))
         if surface is not None:
-            surface.change(settings, change, self.difference.parts if self.difference else ())
+            surface.change(settings, change)
         gathered, switched = old.way != new.way, old.uses_surface_cache != new.uses_surface_cache
         if gathered or switched or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # the gather of this atlas is gone
@@ -230,8 +201,7 @@ class RecordGatherer(Owner):
             new = replace(new, from_file=None)
         elif switched or (change.changes_light and change.dimming is None):
             new = replace(new, moved=new.moved or switched)
-            cache.column("due")[:] += float(changed is None)
-            cache.invalidate(np.arange(cache.count))
+            cache.column("due")[:] += 1.0
         self.basis = new
         return kept
 
@@ -242,7 +212,6 @@ class RecordGatherer(Owner):
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.expire()
-        self._made.drop("difference")
 
     # ---- the surface cache -----------------------------------------------------------------------------------------
 
@@ -286,39 +255,26 @@ class RecordGatherer(Owner):
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         # the full level, with virtual lights, waits while coarse values are of the present light
         waits = budget.limited and coarse and surface.in_use.complete and (self._without_tree or first_records)
-        change = None if waits else surface.advance(shadows, part)
+        relit, change = surface.relit, None if waits else surface.advance(shadows, part)
         if change is not None and basis.from_file is None:
-            self._follow_values(surface, change, first, before, sites, followed)
+            if first:
+                cache.invalidate()
+            else:
+                adopt_probes(cache)
+                cache.column("due")[:] += change
+                self.basis = replace(self.basis, moved=True)
+            if before is not None and (not surface.in_use.complete or (relit and not (coarse or followed))):
+                scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
             if surface.level.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
         if change is not None:
-            self.basis = replace(self.basis, relit=self.basis.relit and not surface.current, from_file=None)
+            self.basis = replace(self.basis, from_file=None)
         # coarse values of light before and after a change are older than the light that probes find
         current = surface.current or (change is not None and surface.in_use.follower is not None)
-        ready = surface.result is not None and (surface.level.complete if self.difference else current)
+        ready = surface.result is not None and current
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
-
-    def _follow_values(
-        self, surface: SurfaceCache, change: float, first: bool, before: np.ndarray | None, sites: Sites, followed: bool
-    ) -> None:
-        """Let records follow a relative `change` of the values of the surface cache.
-
-        first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`. followed: True if these values,
-        and so the records, have followed the light closely: other sites add their error alone.
-        """
-        cache, relit = self.cache, self.basis.relit and surface.current
-        if self.difference is None:  # otherwise the stale records get exactly this difference
-            if first or relit:
-                cache.invalidate(None if first else np.arange(cache.count))
-            if first or (relit and before is None):
-                return
-            adopt_probes(cache)
-            cache.column("due")[:] += change
-            self.basis = replace(self.basis, moved=True)
-        if before is not None and (self.difference or not surface.current or (relit and not followed)):
-            scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
 
     def probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Probe the records that a change may affect, the most affected first: correct their values, and mark records that have
@@ -363,46 +319,10 @@ class RecordGatherer(Owner):
         size: see `gather`.
         """
         done, size = 0, size or self._provisional_side
-        if self.difference is not None and not size:
-            done = self._add(self.difference, self.difference.left(self.cache, numbers), budget)
-            numbers = numbers[self.cache.age(numbers) > 0]
-            if not len(self.cache.stale):
-                self._made.drop("difference")
-            if not len(numbers) or budget.left <= 0.0:
-                return done
-        first = done
         for some in self._pass_along(size).batches(len(numbers), budget):
             near = self.cache.column("gather_size")[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
-            done = first + some.stop
-        return done
-
-    def _add(self, difference: RecordDifference, numbers: np.ndarray, budget: Budget) -> int:
-        """Add the `difference` of the light to records of these numbers within the budget. Return the number of complete records.
-
-        A quarter of the rays is enough for a small difference. A great one changes second derivatives, too, so that the record
-        stays stale.
-        """
-        done, cache, settings = 0, self.cache, self.settings
-        parts = difference.gathers(min(settings.gather_size, max(settings.gather_size // 2, SIDE)))
-        for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
-            chosen = numbers[some]
-            sites, after = cache.sites(chosen), {name: difference.held[name][chosen] for name in LINEAR}
-            unsigned = np.zeros_like(after["irradiance"])  # sum of E of all parts
-            for gather, light, sign in parts:
-                made = self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers)
-                found = made.records.read(*LINEAR)
-                after = {name: after[name] + sign * found[name] for name in LINEAR}
-                unsigned += found["irradiance"]
-            after["irradiance"] = np.maximum(after["irradiance"], 0.0)
-            cache.correct(after, chosen)
-            cache.column("probe")[chosen] = 0.0
-            least = np.maximum(after["irradiance"] @ LUMINANCE, max(cache.luminance_floor, 1e-20))
-            drift = cache.column("drift")[chosen] + MAX_DRIFT / _WHOLE * (unsigned @ LUMINANCE) / least
-            complete = drift <= MAX_DRIFT
-            cache.mark_refreshed(chosen[complete], cache.column("gather_size")[chosen[complete]])
-            cache.column("drift")[chosen] = np.minimum(drift, 1.0)
-            done += int(np.count_nonzero(complete))
+            done = some.stop
         return done
 
     def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, size: int, near: np.ndarray) -> np.ndarray:
