@@ -266,7 +266,7 @@ class RecordGatherer(Owner):
             if before is not None and (not surface.in_use.complete or (relit and not (coarse or followed))):
                 scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
             if surface.level.complete:  # a moving light may have left provisional records behind
-                cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
+                cache.invalidate(np.flatnonzero(cache.column("gather_size") == SIDE))
         if change is not None:
             self.basis = replace(self.basis, from_file=None)
         # coarse values of light before and after a change are older than the light that probes find
