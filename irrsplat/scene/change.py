@@ -51,13 +51,17 @@ class SceneChange:
 
     @cached_property
     def dimming(self) -> np.ndarray | None:
-        """The factors (3,) by which all red, green and blue light has changed, where only the lights' intensity differs.
+        """The factors (3,) by which all red, green and blue light has changed, where only the lights differ.
 
-        Light is linear in its sources, so these factors scale any cached value. None where no factor exists, or a light was off.
+        Light is linear in its sources, so these factors scale any cached value. They are 0 where no light is left. None where no
+        factor exists, or a light was off.
         """
         old, new = self.old.lights, self.new.lights
-        others = self.moved or self.repainted or self.other_sky
-        if not self.relit or others or len(old) != len(new):
+        if not self.relit or self.moved or self.repainted or self.other_sky:
+            return None
+        if not (any(any(light.color) for light in new) or emits(self.new).any()):
+            return np.zeros(3)
+        if len(old) != len(new):
             return None
         if any(replace(a, color=b.color, name=b.name) != b for a, b in zip(old, new, strict=True)):
             return None

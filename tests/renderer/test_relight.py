@@ -85,11 +85,11 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
 
 
 @pytest.mark.few_sites
-@pytest.mark.parametrize("bounces", [1, "all"])
-def test_a_single_light_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any) -> None:
-    """Light is linear in its only source: the next frame, however short, shows a fresh render's picture."""
+@pytest.mark.parametrize(("bounces", "lights"), [(1, (dimmed(LIGHT, 0.3),)), ("all", (dimmed(LIGHT, 0.3),)), ("all", ())])
+def test_a_single_light_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any, lights: tuple[Light, ...]) -> None:
+    """Light is linear in its only source: the next frame, however short, shows a fresh render's picture, or darkness."""
     settings = {**TRACED, "bounces": bounces}
-    after = lit_by(dimmed(LIGHT, 0.3))
+    after = lit_by(*lights)
     with Renderer(lit_by(LIGHT), SIZE, ctx=ctx, **settings) as old, Renderer(after, SIZE, ctx=ctx, **settings) as fresh:
         old.render()
         ticks(old)
