@@ -72,10 +72,12 @@ class Editor:
         return self._step(self.future, self.past)
 
     def _step(self, source: list[Scene], target: list[Scene]) -> bool:
-        """Show the last state of `source`, and move the present one to `target`."""
+        """Show the last state of `source`, pick its first light that differs, and move the present state to `target`."""
         if not source or self.dragging:
             return False
+        before = self.scene.lights
         self.apply(source[-1])
+        self.light = next((i for i, light in enumerate(self.scene.lights) if light not in before), self.light)
         target.append(self.present)
         self.present = source.pop()
         return True

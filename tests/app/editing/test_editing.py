@@ -230,6 +230,8 @@ def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor:
     assert not editor.scene.lights and editor.light is None
     driver.settle()
     assert driver.session.progress[0].coverage == 1.0
+    driver.actions.editor.undo()
+    assert editor.light == 0  # the restored light is selected again
     while driver.actions.editor.undo():
         pass
     assert driver.session.scene.lights == editor.loaded.lights
