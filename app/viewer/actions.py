@@ -53,7 +53,8 @@ class Actions:
         self.saved_as = ""  # the .scene file that Save writes; "" before the first save
         self._saved = list[object]()  # the result of _states directly after the last save
         self.film = FilmInBackground()
-        self.announce: Callable[[str], object] = lambda words: None  # shows words at once, before work that takes seconds
+        # calls work that takes seconds, once a frame has shown the words
+        self.announce: Callable[[str, Callable[[], object]], object] = lambda words, work: work()
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
@@ -127,15 +128,25 @@ class Actions:
 
     def split(self) -> None:
         """Show two presets, or one picture again."""
-        self.session.split(not self.session.options.split)
+        self._compare(lambda: self.session.split(not self.session.options.split))
 
     def flip(self) -> None:
         """Show one side alone, and change to the other side at each call. A single picture is first split."""
+        self._compare(self._flip)
+
+    def _flip(self) -> None:
         options = self.session.options
         if not options.split:
             self.session.split(True)
         options.side = 0 if options.divider == 0.0 else 1
         options.divider = float(1 - options.side)
+
+    def _compare(self, change: Callable[[], object]) -> None:
+        """Call `change`, which needs a second renderer, after an announcement if there is only one."""
+        if len(self.session.renderers) == 1:
+            self.announce("preparing the second preset…", change)
+        else:
+            change()
 
     def refine_further(self) -> None:
         """Halve the estimated error at which refinement ends. Set it to the default if it is 0, which means no refinement."""
@@ -311,7 +322,9 @@ class Actions:
 
     def _open(self, source: str) -> None:
         check_path(source)
-        self.announce(f"opening {os.path.basename(source)}")
+        self.announce(f"opening {os.path.basename(source)}…", lambda: self._show_scene(source))
+
+    def _show_scene(self, source: str) -> None:
         scene, former = irrsplat.load(source, **vars(self.loading)), self.session.notices
         self.session.open(scene)
         trim()

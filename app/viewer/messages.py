@@ -42,6 +42,9 @@ class Messages:
         others = [m for m in self.lines if m.text != line and (not topic or m.topic != topic)]
         self.lines = [*others[1 - _MOST :], Message(line, clock.now() + _SECONDS, error, topic)]
 
+    def drop(self, topic: str) -> None:
+        self.lines = [m for m in self.lines if m.topic != topic]
+
     def renew(self) -> None:
         """Show all notices for their full time from now on."""
         self.lines = [replace(line, until=clock.now() + _SECONDS) for line in self.lines]

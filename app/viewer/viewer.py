@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import moderngl
@@ -41,6 +41,7 @@ _AWAKE = 1.0  # seconds after an event in which frames continue: tooltips come l
 _LOOK = 0.5  # seconds between two checks for changes without an event, such as a traced reference
 _LEAST = 0.2  # the least share of the frame budget for the core, however slow all other work is
 _DARK = 2.0  # seconds: the longest wait for the indirect light of a new scene, since direct light alone may be almost black
+_WORK = "work"  # the topic of announcements
 _SMOOTHING = 0.3  # weight of the last frame in the running mean of the time of all other work
 
 
@@ -78,7 +79,10 @@ class Viewer(Owner):
         self._unspent = 0.0  # seconds since the last tick
         self._cut = False  # True if input ended the last tick
         self._overhead = 0.0  # seconds per frame of all work without the core's tick, a running mean
-        self.actions.announce = lambda words: setattr(wnd, "title", f"{words} – {TITLE}")
+        self._work: Callable[[], object] | None = None  # work that takes seconds, and waits until its announcement is drawn
+        self._announced = False  # True if the last frame has this announcement
+        if not wnd.headless:
+            self.actions.announce = self.announce
         self.desktop.listen(self.controls.files_dropped, self.controls.focus_changed)
         self.wake()
         self._pass_interface()  # so that the first picture has the size of the area without panels
@@ -100,6 +104,8 @@ class Viewer(Owner):
 
     def frame(self, dt: float) -> None:
         """Draw a frame, `dt` seconds after the last one: move, tick, draw all changes, and the interface over them."""
+        if self._announced:
+            self._do_work()
         start = now()
         actions, session = self.actions, self.session
         answers = self._take_events()
@@ -122,6 +128,26 @@ class Viewer(Owner):
         self._overhead += _SMOOTHING * (now() - start - core - self._overhead)
         if actions.quitting:
             self.wnd.is_closing = True
+
+    def announce(self, words: str, work: Callable[[], object]) -> None:
+        """Show `words` in the next frame, and call `work` after it."""
+        self._do_work()
+        self.actions.say(words, topic=_WORK)
+        self._work = work
+
+    def show_announced(self, words: str) -> None:
+        """Draw the interface with `words`, without a picture."""
+        self.announce(words, lambda: None)
+        self._pass_interface()  # a new message has no size in its first pass
+        self._draw_window(_INSTANT)
+        self._do_work()
+
+    def _do_work(self) -> None:
+        """Do the announced work, if any. The window shows the announcement until the next frame."""
+        work, self._work, self._announced = self._work, None, False
+        self.actions.messages.drop(_WORK)
+        if work is not None:
+            self.actions.attempt(work)
 
     def _take_events(self) -> bool:
         """Handle the waiting events. Events after a new size or scene wait for its first picture.
@@ -216,7 +242,12 @@ class Viewer(Owner):
             while not self.display.complete:
                 self.display.update(self.canvas, cursor)
             actions.attempt(lambda: actions.save_screenshot(self.canvas.read()[..., :3]))
-        self._draw_interface(dt, cursor, self.canvas.textures[0])
+        self._announced = self._work is not None
+        self._draw_window(dt, cursor, self.canvas.textures[0])
+
+    def _draw_window(self, dt: float, cursor: tuple[int, int] | None = None, picture: moderngl.Texture | None = None) -> None:
+        """Draw the interface over a `picture`, or over grey."""
+        self._draw_interface(dt, cursor, picture)
         window = Screen(self.wnd.fbo, self.wnd.buffer_size)
         window.use()
         window.gl.clear(*GREY[0])
@@ -234,7 +265,8 @@ class Viewer(Owner):
     @property
     def still(self) -> bool:
         """True if the next frame would equal this one without input."""
-        return (self.session.at_rest and self.display.complete and not self.controls.active) or self._minimised
+        rests = self.session.at_rest and self.display.complete and self._work is None and not self.controls.active
+        return rests or self._minimised
 
     def may_sleep(self) -> bool:
         """Check for changes without an event. Return True if no frame has to be drawn.
@@ -348,6 +380,8 @@ def run(
         wnd.fbo.clear(*GREY[0])
         wnd.swap_buffers()
         viewer = Viewer(wnd, scene, source, preferences, camera, preset, values, loading)
+        viewer.show_announced(f"preparing {viewer.actions.title}…")
+        wnd.swap_buffers()
         for notice in notices:
             viewer.actions.say(notice)
         came: list[int] = []

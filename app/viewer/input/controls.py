@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import Literal
 
@@ -229,9 +230,10 @@ class Controls:
 
     def files_dropped(self, paths: list[str]) -> None:
         """Open the first scene among the files that were dropped on the window, such as a model with its textures."""
-        self.actions.attempt(
-            lambda: self.actions.open(next((path for path in paths if path.lower().endswith(FORMATS)), paths[0]))
-        )
+        first, *others = [path for path in paths if path.lower().endswith(FORMATS)] or paths[:1]
+        self.actions.attempt(lambda: self.actions.open(first))
+        if others:
+            self.actions.say(f"not opened, since the window shows one scene: {', '.join(map(os.path.basename, others))}")
 
     def focus_changed(self, focused: bool) -> None:
         """Release all keys and buttons when the window gains or loses the keyboard: their release events go elsewhere."""

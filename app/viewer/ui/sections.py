@@ -352,7 +352,8 @@ def _widget(actions: Actions, layout: Layout, d: Declaration, value: Value) -> V
     unit = f" ({d.word})" if value == d.word else f" {d.unit}".replace("%", "%%") if d.unit and not d.word else ""
     if d.name in SLIDERS:
         flags = imgui.SliderFlags_.logarithmic if d.name in _LOGARITHMIC else 0
-        moved, now = imgui.slider_float(label, number, *SLIDERS[d.name], f"%.3g{unit}", flags)
+        form = f"%.3g{unit}" if math.isfinite(number) else d.word  # auto exposure has no number before the first picture
+        moved, now = imgui.slider_float(label, number, *SLIDERS[d.name], form, flags)
     elif d.kind == "int":
         moved, now = imgui.drag_int(label, int(number), max(_STEP * abs(number), 0.1), int(least), int(most), f"%d{unit}")
     else:

@@ -28,10 +28,16 @@ def errors(driver: Driver) -> list[str]:
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:
     """The first scene of several files has its first camera, is the newest recent scene, and ends notices of the former scene.
 
-    A file called `scene` has its folder's name.
+    A message names the other scenes. A file called `scene` has its folder's name.
     """
     (tmp_path / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    driver.actions.announce, before = driver.viewer.announce, driver.session.scene
     driver.viewer.controls.files_dropped([str(tmp_path / "bare.obj")])
+    driver.frame()
+    assert "opening bare.obj" in driver.said and driver.session.scene is before  # the work waits until a frame announces it
+    driver.frame()
+    driver.actions.announce = lambda words, work: work()
+    assert "opening" not in driver.said
     assert any("bare.obj: no camera" in line.text for line in driver.actions.messages.lines)
     driver.session.options.frozen = True
     driver.session.change(0, a=0.7)
@@ -39,7 +45,7 @@ def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: 
     other = write_room(tmp_path / "hall").rename(tmp_path / "hall" / "scene.scene")
     other.write_text(ROOM.replace("cam 0 0 2.6", "cam 0 0.1 2.2"))
     driver.viewer.controls.files_dropped(["texture.png", str(other), "second.scene"])
-    assert not any("bare.obj" in line.text for line in driver.actions.messages.lines)
+    assert "bare.obj" not in driver.said and driver.said.endswith("second.scene") and "texture" not in driver.said
     push(driver, "F12")
     assert list(Path("pictures").glob("irrsplat-hall-*.png")) and driver.session.camera.eye == (0.0, 0.1, 2.2)
     assert driver.session.renderers[0].settings.a == 0.7
