@@ -270,10 +270,11 @@ class Actions:
     # ---- the window --------------------------------------------------------------------------------------------------
 
     def escape(self) -> None:
-        """Close menus, dialogs and messages, and deselect object and light."""
-        self.editor.pick_light(None)
+        """Close the prompt. Without a prompt, close menus and messages, and deselect object and light."""
+        if self.prompt is None:
+            self.editor.pick_light(None)
+            self.messages.lines = []
         self.session.options.close_menus, self.prompt = True, None
-        self.messages.lines = []
 
     def find_command(self, all_keys: bool = False) -> None:
         """Open the prompt for an action, a setting or a scene. all_keys: True to begin with the keys of flight and the mouse."""

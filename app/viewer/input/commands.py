@@ -61,7 +61,7 @@ _EDIT = (
     Command("Edit", "Redo", "editor.redo", "Y", ctrl=True, enabled="editor.future"),
     Command("Edit", "Redo", "editor.redo", "Z", ctrl=True, shift=True, enabled="editor.future"),
     Command("Edit", "Delete", "delete", "DELETE", help="the selected light; hide an object", enabled="selected", section=True),
-    Command("Edit", "Deselect", "escape", "ESCAPE", help="also close menus, dialogs and messages", section=True),
+    Command("Edit", "Deselect", "escape", "ESCAPE", help="close menus and messages; first leave a field or a dialog", section=True),
 )
 _VIEW = (
     *(Command("View/Buffer", b.title, "show", _BUFFER_KEYS.get(name, ""), name, help=b.help) for name, b in BUFFERS.items()),

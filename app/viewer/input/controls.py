@@ -127,6 +127,8 @@ class Controls:
             return
         if key == names.ESCAPE:
             self._capture(False)
+            if self.backend.io.want_text_input and self.actions.prompt is None:
+                return  # it ends the input of a field alone
         elif self.backend.io.want_capture_keyboard or self.actions.prompt is not None:
             return
         flying = self.looking or self.flies

@@ -104,8 +104,11 @@ def test_tab_goes_to_the_next_field_and_outside_of_fields_to_the_next_split(pane
     panel.frame(2)
     assert panel.viewer.backend.io.want_capture_keyboard and not panel.session.options.split
     assert value(panel, "a") == pytest.approx(0.8)
+    panel.actions.editor.mesh = 0
     panel.press("ESCAPE")
     panel.frame(2)
+    assert panel.actions.editor.mesh == 0  # the key has left the field, and has not deselected the object
+    panel.actions.editor.mesh = None
     for on in (True, False, True):
         panel.press("TAB")
         panel.frame(3)
