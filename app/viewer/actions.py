@@ -189,6 +189,11 @@ class Actions:
             editor.mesh = mesh
             editor.light = None if mesh is None else editor.light
 
+    def add_light(self) -> None:
+        """Add a light, and open the list of lights."""
+        self.editor.add_light()
+        self.session.options.lights = self.session.options.controls = True
+
     def delete(self) -> None:
         """Delete the selected light, or hide the selected object. A mesh stays in the scene's files."""
         editor, light, mesh = self.editor, self.editor.light, self.editor.mesh

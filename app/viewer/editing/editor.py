@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.view_options import Point
+from irrsplat.core.vectors import vector
 from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.scene.motion import hidden
 
+_BESIDE = 0.03  # scene diagonals: the distance of a copied light from its original
 _MOST = 50  # the most scenes that undo keeps; each holds its moved meshes
 
 
@@ -87,6 +92,26 @@ class Editor:
     def set_light(self, number: int, light: Light) -> None:
         lights = self.scene.lights
         self.apply(replace(self.scene, lights=(*lights[:number], light, *lights[number + 1 :])))
+
+    def add_light(self) -> None:
+        """Add and pick a copy of the picked light; without one, a point light halfway to the camera's target.
+
+        The point light has the intensity at which the present exposure shows a bright surface there.
+        """
+        camera, scene, stops = self.session.camera, self.scene, self.session.auto_exposure.stops
+        if self.light is not None:
+            light = scene.lights[self.light].shifted(_BESIDE * scene.diagonal * camera.axes[0])
+        else:
+            eye, target = np.array([camera.eye, camera.target])
+            shine = 0.25 * math.dist(eye, target) ** 2 * 2.0 ** -(stops if math.isfinite(stops) else 0.0)
+            light = Light(vector(0.5 * (eye + target)), (shine, shine, shine), physical=True)
+        self.apply(replace(scene, lights=(*scene.lights, replace(light, name=""))))
+        self.pick_light(len(scene.lights))
+
+    def keep_view(self) -> None:
+        """Add the present view to the scene's cameras."""
+        cameras = self.scene.cameras
+        self.apply(replace(self.scene, cameras=(*cameras, replace(self.session.camera, name=f"view {len(cameras) + 1}"))))
 
     def delete_light(self, number: int) -> None:
         lights = self.scene.lights

@@ -60,12 +60,14 @@ _EDIT = (
     Command("Edit", "Undo", "editor.undo", "Z", ctrl=True, enabled="editor.past"),
     Command("Edit", "Redo", "editor.redo", "Y", ctrl=True, enabled="editor.future"),
     Command("Edit", "Redo", "editor.redo", "Z", ctrl=True, shift=True, enabled="editor.future"),
-    Command("Edit", "Delete", "delete", "DELETE", help="the selected light; hide an object", enabled="selected", section=True),
-    Command("Edit", "Deselect", "escape", "ESCAPE", help="close menus and messages; first leave a field or a dialog", section=True),
+    Command("Edit", "Add light", "add_light", "INSERT", help="a copy of the selected light, or a point light", section=True),
+    Command("Edit", "Delete", "delete", "DELETE", help="the selected light; hide an object", enabled="selected"),
+    Command("Edit", "Deselect", "escape", "ESCAPE", help="close menus and messages; first, a field or a dialog", section=True),
 )
 _VIEW = (
     *(Command("View/Buffer", b.title, "show", _BUFFER_KEYS.get(name, ""), name, help=b.help) for name, b in BUFFERS.items()),
     Command("View/Camera", "First camera", "session.free_camera.home", "HOME"),
+    Command("View/Camera", "Keep this view", "editor.keep_view", help="in this menu, and in the saved scene"),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; press again to end", section=True),
     Command("View", "Record discs", "toggle", "X", "discs", help="with the radius of each record", section=True),
     Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor", section=True),

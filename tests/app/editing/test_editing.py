@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -235,6 +236,31 @@ def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor:
     while driver.actions.editor.undo():
         pass
     assert driver.session.scene.lights == editor.loaded.lights
+
+
+def test_lights_and_views_are_added(driver: Driver, editor: Editor, tmp_path: Path) -> None:
+    """A copy has the output of its original and another place. A light without an original is in front of the camera.
+
+    The saved scene has the added lights, and the kept view as a camera.
+    """
+    before, count = editor.scene.lights[0], len(editor.scene.lights)
+    push(driver, "Insert")
+    assert editor.light == count and driver.session.options.lights
+    copy = editor.scene.lights[count]
+    assert copy.color == before.color and copy.position != before.position
+    editor.pick_light(None)
+    push(driver, "Insert")
+    made = editor.scene.lights[editor.light or 0]
+    middle = 0.5 * np.add(driver.session.camera.eye, driver.session.camera.target)
+    assert made.position == pytest.approx(middle) and max(made.color) > 0.0
+    driver.session.free_camera.turn(0.3, 0.0)
+    editor.keep_view()
+    driver.actions.save(str(tmp_path / "more.scene"))
+    saved = irrsplat.load(tmp_path / "more.scene")
+    assert len(saved.lights) == count + 2 and saved.cameras[-1].target == pytest.approx(driver.session.camera.target)
+    while editor.undo():
+        pass
+    assert editor.scene.lights == editor.loaded.lights and editor.scene.cameras == editor.loaded.cameras
 
 
 def test_colour_fields_are_srgb(driver: Driver, editor: Editor) -> None:
