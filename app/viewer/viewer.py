@@ -85,7 +85,7 @@ class Viewer(Owner):
             self.actions.announce = self.announce
         self.desktop.listen(self.controls.files_dropped, self.controls.focus_changed)
         self.wake()
-        self._pass_interface()  # so that the first picture has the size of the area without panels
+        self.pass_interface()  # so that the first picture has the size of the area without panels
         self._fit()
         for notice in self.session.notices:
             self.actions.say(notice)
@@ -105,7 +105,7 @@ class Viewer(Owner):
     def frame(self, dt: float) -> None:
         """Draw a frame, `dt` seconds after the last one: move, tick, draw all changes, and the interface over them."""
         if self._announced:
-            self._do_work()
+            self.do_work()
         start = now()
         actions, session = self.actions, self.session
         answers = self._take_events()
@@ -131,18 +131,11 @@ class Viewer(Owner):
 
     def announce(self, words: str, work: Callable[[], object]) -> None:
         """Show `words` in the next frame, and call `work` after it."""
-        self._do_work()
+        self.do_work()
         self.actions.say(words, topic=_WORK)
         self._work = work
 
-    def show_announced(self, words: str) -> None:
-        """Draw the interface with `words`, without a picture."""
-        self.announce(words, lambda: None)
-        self._pass_interface()  # a new message has no size in its first pass
-        self._draw_window(_INSTANT)
-        self._do_work()
-
-    def _do_work(self) -> None:
+    def do_work(self) -> None:
         """Do the announced work, if any. The window shows the announcement until the next frame."""
         work, self._work, self._announced = self._work, None, False
         self.actions.messages.drop(_WORK)
@@ -160,7 +153,7 @@ class Viewer(Owner):
             self.wake()
             answers = answers or not all(taken) or not self.controls.active
             if self.session.views and not self.controls.flies:  # no shortcut works in flight
-                self._pass_interface()
+                self.pass_interface()
             self._fit()
         self._fit()
         return answers
@@ -180,7 +173,7 @@ class Viewer(Owner):
         size = self.wnd.buffer_size
         return self.interface.layout.pixels(size[0] / max(self.wnd.width, 1), size)
 
-    def _pass_interface(self) -> None:
+    def pass_interface(self) -> None:
         """Make the interface's windows without drawing them."""
         for _ in range(_PASSES):
             self._draw_interface(_INSTANT, None)
@@ -243,9 +236,9 @@ class Viewer(Owner):
                 self.display.update(self.canvas, cursor)
             actions.attempt(lambda: actions.save_screenshot(self.canvas.read()[..., :3]))
         self._announced = self._work is not None
-        self._draw_window(dt, cursor, self.canvas.textures[0])
+        self.draw_window(dt, cursor, self.canvas.textures[0])
 
-    def _draw_window(self, dt: float, cursor: tuple[int, int] | None = None, picture: moderngl.Texture | None = None) -> None:
+    def draw_window(self, dt: float, cursor: tuple[int, int] | None = None, picture: moderngl.Texture | None = None) -> None:
         """Draw the interface over a `picture`, or over grey."""
         self._draw_interface(dt, cursor, picture)
         window = Screen(self.wnd.fbo, self.wnd.buffer_size)
@@ -380,8 +373,11 @@ def run(
         wnd.fbo.clear(*GREY[0])
         wnd.swap_buffers()
         viewer = Viewer(wnd, scene, source, preferences, camera, preset, values, loading)
-        viewer.show_announced(f"preparing {viewer.actions.title}…")
+        viewer.announce(f"preparing {viewer.actions.title}…", lambda: None)
+        viewer.pass_interface()  # a new message has no size in its first pass
+        viewer.draw_window(_INSTANT)
         wnd.swap_buffers()
+        viewer.do_work()
         for notice in notices:
             viewer.actions.say(notice)
         came: list[int] = []
