@@ -191,8 +191,8 @@ class Actions:
 
     def add_light(self) -> None:
         """Add a light, and open the list of lights."""
-        self.editor.add_light()
         self.session.options.lights = self.session.options.controls = True
+        self.announce("adding a light…", self.editor.add_light)  # another number of lights needs other shaders
 
     def delete(self) -> None:
         """Delete the selected light, or hide the selected object. A mesh stays in the scene's files."""
@@ -202,7 +202,7 @@ class Actions:
             self.say(f"{object_name(editor.scene, mesh)} is hidden; Ctrl+Z shows it again", topic="pick")
         elif light is not None:
             name = light_name(editor.scene.lights[light], light)
-            editor.delete_light(light)
+            self.announce(f"deleting {name}…", lambda: editor.delete_light(light))
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
 
     # ---- saving ------------------------------------------------------------------------------------------------------

@@ -104,7 +104,7 @@ class Viewer(Owner):
 
     def frame(self, dt: float) -> None:
         """Draw a frame, `dt` seconds after the last one: move, tick, draw all changes, and the interface over them."""
-        if self._announced:
+        if self._announced or self._minimised:  # a minimised window shows no announcement
             self.do_work()
         start = now()
         actions, session = self.actions, self.session
@@ -143,13 +143,13 @@ class Viewer(Owner):
             self.actions.attempt(work)
 
     def _take_events(self) -> bool:
-        """Handle the waiting events. Events after a new size or scene wait for its first picture.
+        """Handle the waiting events. Events after a new size or scene wait for its first picture, or for announced work.
 
         Return True if the events need a frame of their own, without a tick. The interface needs several passes: for a motion, a
         press and a release, and for the size of a window that opens.
         """
         answers = False
-        while (self.session.views or self._minimised) and (taken := self.desktop.take()):
+        while self._work is None and (self.session.views or self._minimised) and (taken := self.desktop.take()):
             self.wake()
             answers = answers or not all(taken) or not self.controls.active
             if self.session.views and not self.controls.flies:  # no shortcut works in flight
