@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Hashable
 from functools import cache
 from importlib import resources
@@ -11,6 +12,11 @@ from imgui_bundle import hello_imgui, imgui, implot
 from moderngl_window.context.base.keys import BaseKeys
 
 FONTS = ("Roboto/Roboto-Regular.ttf", "Inconsolata-Medium.ttf")  # the second font has the arrows, which the first lacks
+SYSTEM_FONTS = (  # with Chinese, Japanese and Korean glyphs, for names of files and objects; the first one that exists is used
+    *(f"/usr/share/fonts/{folder}/NotoSansCJK-Regular.ttc" for folder in ("opentype/noto", "noto-cjk", "google-noto-cjk")),
+    "/System/Library/Fonts/Hiragino Sans GB.ttc",
+    "C:/Windows/Fonts/msyh.ttc",
+)
 FONT_SIZE = 16.0  # window coordinates at scale 1: the height of the font
 _THEME = hello_imgui.ImGuiTheme_.photoshop_style
 _QUIET = (0.66, 0.66, 0.66, 1.0)  # sRGB and opacity of secondary text
@@ -42,6 +48,8 @@ class ImguiBackend:
             config.merge_mode = i > 0
             with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / name) as path:
                 self.io.fonts.add_font_from_file_ttf(str(path), FONT_SIZE, config)
+        for font in [path for path in SYSTEM_FONTS if os.path.isfile(path)][:1]:
+            self.io.fonts.add_font_from_file_ttf(font, FONT_SIZE, config)
         self._style = imgui.get_style()
         hello_imgui.apply_theme(_THEME)
         self._style.set_color_(imgui.Col_.text_disabled, _QUIET)
