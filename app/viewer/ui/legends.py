@@ -163,6 +163,7 @@ def _plot(title: str, found: Profile, summary: tuple[np.ndarray, np.ndarray, np.
     """Draw the values over metres, with their least, mean and greatest value below."""
     legend = implot.Flags_.no_legend if len(found.channels) == 1 else 0
     if implot.begin_plot("##along", (width, _SIZE[1] * scale), _FLAGS | legend):
+        implot.setup_legend(implot.Location_.east, implot.LegendFlags_.outside)  # over the curves, it hides values
         implot.setup_axes("metres", "" if found.unit == "1" else found.unit)
         low, high = float(min(summary[0].min(), 0.0)), float(summary[2].max())
         implot.setup_axes_limits(0.0, float(found.metres[-1]), low, high + 0.05 * ((high - low) or 1.0), implot.Cond_.always)
