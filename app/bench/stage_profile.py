@@ -17,8 +17,14 @@ from importlib import import_module
 from typing import Any
 from unittest.mock import patch
 
+import numpy as np
+
 from irrsplat.app.common.terminal import columns, doing, out
 from irrsplat.core.timing.clock import Clock, use_clock
+from irrsplat.core.vectors import unit
+from irrsplat.gather.record_frame import offset_of, tangent_frames
+from irrsplat.gather.stratified import ray_directions
+from irrsplat.gpu.target import pixels
 from irrsplat.reference.truth import in_words
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Scene
@@ -27,9 +33,12 @@ from irrsplat.settings import All
 SIZE = (400, 400)
 _PYTHON = "Python (rest)"
 _RAYS = "rays alone"
+_SIDE = 16  # side² rays from a point of the view, for the limit
+_CALL = 1 << 16  # rays per call of Embree
 LEGEND = """\
 seconds: processor time of all threads for the first view of a new renderer; a stage excludes the stages within it
-surface: the part of the surface cache; calls: number of calls of the stage\
+surface: the part of the surface cache; calls: number of calls of the stage
+limit: time of Embree alone, on one thread, for as many cosine-distributed rays from the surfaces of the view\
 """
 
 # The functions of each stage, as module.class.function
@@ -167,7 +176,7 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> list[di
 
 
 def _profiled(scene: Scene, size: tuple[int, int], preset: str, bounces: int | All) -> dict[str, object]:
-    """Profile one scene, print its table and return it: seconds by stage, and rays."""
+    """Profile one scene, print its table and return it: seconds by stage, rays, limit."""
     title = f"{scene.name}, {size[0]}x{size[1]}, {preset}"
     make = partial(Renderer, scene, size=size, preset=preset, bounces=bounces, tile_size=0)
     doing(f"{title}: a first run that does not count, and one that is not profiled")
@@ -182,15 +191,16 @@ def _profiled(scene: Scene, size: tuple[int, int], preset: str, bounces: int | A
             whole = _seconds(renderer)
         rays = profile.rays or round(clock.rays)
         gpu = renderer.timers.milliseconds() if hardware else {}
+        limit = _limit(renderer, rays) if profile.rays else None
         records = renderer.cache.count
     doing("")
     stages = {name: {"seconds": s.seconds, "surface": s.surface, "calls": s.calls} for name, s in profile.shares.items()}
     out(f"\n{title}, {in_words(bounces)}")
-    out("\n".join(_table(profile, whole, plain, rays)))
+    out("\n".join(_table(profile, whole, plain, rays, limit)))
     for name, ms in gpu.items():
         out(f"on the GPU, {name}: {ms:.1f} ms")
     about: dict[str, object] = {"scene": scene.name, "preset": preset, "size": list(size), "bounces": bounces}
-    measured = {"records": records, "rays": rays, "seconds": plain, "profiled_seconds": whole}
+    measured = {"records": records, "rays": rays, "seconds": plain, "profiled_seconds": whole, "limit_seconds": limit}
     return about | measured | {"stages": stages, "gpu_ms": gpu}
 
 
@@ -203,12 +213,37 @@ def _seconds(renderer: Renderer) -> float:
     return time.process_time() - start
 
 
-def _table(profile: Profile, whole: float, plain: float, rays: int) -> Iterator[str]:
+def _limit(renderer: Renderer, rays: int) -> float:
+    """Return the seconds in which Embree traces as many rays from the surfaces of the view, on one thread."""
+    with renderer.ctx:
+        gbuffer = renderer.gbuffer
+        assert gbuffer is not None
+        position, normal = (pixels(texture)[..., :3].reshape(-1, 3) for texture in (gbuffer.position, gbuffer.normal))
+    seen = np.flatnonzero(normal.any(1))
+    random, directions = np.random.default_rng(1), ray_directions(_SIDE).reshape(-1, 3).astype(np.float32)
+    caster, seconds, left = renderer.world.caster, 0.0, rays
+    while left > 0 and len(seen):
+        some = random.choice(seen, min(_CALL, left) // len(directions) + 1)
+        N = unit(normal[some])
+        frames = tangent_frames(N, random.integers(0, 1 << 20, len(some)), 1).astype(np.float32)
+        toward = np.ascontiguousarray((directions @ frames).reshape(-1, 3))
+        origins = np.repeat(position[some] + N * np.float32(offset_of(renderer.scene)), len(directions), axis=0)
+        start = time.process_time()
+        caster.run(origins, toward)
+        seconds += time.process_time() - start
+        left -= len(toward)
+    return seconds * rays / (rays - left) if rays else 0.0
+
+
+def _table(profile: Profile, whole: float, plain: float, rays: int, limit: float | None) -> Iterator[str]:
     """Yield the lines of a profile, the greatest stage first."""
     rows = [("stage", "seconds", "share", "surface", "calls")]
     for name, share in sorted(profile.shares.items(), key=lambda one: -one[1].seconds):
         rows.append((name, f"{share.seconds:.3f}", f"{share.seconds / whole:.0%}", f"{share.surface:.3f}", str(share.calls)))
     rows.append(("all, with the profile", f"{whole:.3f}", "", "", ""))
     rows.append(("all, without it", f"{plain:.3f}", "", "", ""))
+    if limit is not None:
+        rows.append(("limit", f"{limit:.3f}", "", "", ""))
     yield from columns(rows, left=1)
-    yield f"{rays} rays"
+    ratio = "" if not limit else f"; {plain / limit:.1f} times the limit"
+    yield f"{rays} rays{ratio}"
