@@ -57,12 +57,11 @@ class Budget:
         return Budget(max(share * (self.end - now() - reserve), _GATHER_SHARE * self.seconds, least * self.tick), self.tick)
 
     def advance(self, work: Generator[object, None, Result]) -> Result | None:
-        """Advance `work` by at least one step until the budget ends; return its result, or None if it is unfinished."""
+        """Advance `work` until the budget ends or a step yields True; return its result, or None if it is unfinished."""
         try:
-            while True:
-                next(work)
-                if self.left <= 0.0:
-                    return None
+            while not next(work) and self.left > 0.0:
+                pass
+            return None
         except StopIteration as end:
             result: Result = end.value
             return result

@@ -27,9 +27,6 @@ _RAISED = 0.3  # of the distance of two members: height of the second line of si
 _CLEARANCE = 1.2  # of the height at which tangents meet: clearance of a bent line between two members above the surface
 
 
-Choice = tuple[np.ndarray, np.ndarray]  # the sites among members, as their numbers, and the site of each, see choose_sites
-
-
 def both_sides(tessellation: Tessellation, outer: np.ndarray, inner: np.ndarray) -> Sites:
     """Return the points `outer` (N,) on their front by the winding, then `inner` (K,) on their back."""
     both = np.concatenate([outer, inner])
@@ -90,7 +87,9 @@ def _by_mesh(keys: np.ndarray, mesh: np.ndarray) -> np.ndarray:
     return np.asarray(number.ravel() * (int(mesh.max(initial=0)) + 1) + mesh)
 
 
-def choose_sites(keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int) -> Choice:
+def choose_sites(
+    keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the site of each cluster of members with equal `keys` (M,): the member nearest to their mean `position` (M, 3).
 
     area: (M,) m² of the surface that each member stands for. Only the `most` largest clusters of at least
@@ -146,7 +145,7 @@ class Clusters:
         """Area in m² of the smallest cluster that has a site before the last round."""
         return _MIN_AREA * self.spacing**2
 
-    def choose(self, left: np.ndarray, most: int, min_area: float) -> Choice:
+    def choose(self, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the sites among the members `left`, and the site of each member, see choose_sites."""
         area = self.area[left] * 4.0 ** self.level[left]
         return choose_sites(self.keys[left], self.members.position[left], area, min_area, most)

@@ -23,7 +23,7 @@ from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import CLOSED, face_counts, sort_of
 from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
-from irrsplat.surface_cache.clustering import Choice, Clusters
+from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.tessellation import Graded, Grading, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
@@ -148,21 +148,8 @@ class SiteChooser:
 
     def choose(self, grading: Grading) -> Steps[tuple[Clusters, np.ndarray]]:
         """Return the clusters with the numbers of their members' values, and the members (S,) that are sites."""
-        clusters, first = yield from self._cluster(grading)
-        return clusters, (yield from self._assign(clusters, first))
-
-    def _cluster(self, grading: Grading) -> Steps[tuple[Clusters, Choice]]:
-        """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites.
-
-        Return the clusters, and the sites of the first round.
-        """
-        vertices, faces, graded, area = yield from in_background(partial(self._surfaces, grading))
-        room = float(np.median(grading.rooms[: grading.eyes])) if grading.eyes else np.inf
-        # a coarse level lights the first pictures: twice the time would delay them
-        requested = len(faces) if self.detail == COARSE else max(len(faces), 2.0 * area * (_STEPS / room) ** 2)
-        points = float(np.clip(requested, self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
-        spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
-        return (yield from in_background(partial(self._cut, vertices, faces, spacing, graded)))
+        clusters = yield from in_background(partial(self._cluster, grading))
+        return clusters, (yield from self._assign(clusters))
 
     def rooms(self, places: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) metres: the upper quartile of distances from `places` (N, 3) to surfaces."""
@@ -172,19 +159,21 @@ class SiteChooser:
         rooms = [np.quantile(one[one < 1.0], 0.75) if (one < 1.0).any() else 1.0 for one in reach.reshape(-1, _DIRECTIONS)]
         return far * np.array(rooms)
 
-    def _surfaces(self, grading: Grading) -> tuple[np.ndarray, np.ndarray, Graded, float]:
-        """Return the vertices, the faces that light sees, see flatten, their steps by `grading`, and their effective area, m²."""
+    def _cluster(self, grading: Grading) -> Clusters:
+        """Tessellate the surfaces that light sees, and cluster the corners.
+
+        The spacing follows from the area of the surfaces, in which distant ones count less. Where too many sites would result,
+        distant clusters grow as their steps do. If this is not enough, all clusters have a wider spacing than the steps, which
+        saves a second tessellation.
+        """
         vertices, faces = flatten(self.scene)
         faces = faces[: face_counts(self.scene).lit]
-        graded, area = grading.graded(vertex_column(vertices, "position")[faces])
-        return vertices, faces, graded, area
-
-    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, graded: Graded) -> tuple[Clusters, Choice]:
-        """Return the clusters of a tessellation with steps of `spacing` metres, or longer as `graded`, and their first sites.
-
-        Where too many sites would result, distant clusters grow as their steps do. If this is not enough, all clusters have a
-        wider spacing than the steps, which saves a second tessellation.
-        """
+        graded, whole = grading.graded(vertex_column(vertices, "position")[faces])
+        room = float(np.median(grading.rooms[: grading.eyes])) if grading.eyes else np.inf
+        # a coarse level lights the first pictures: twice the time would delay them
+        requested = len(faces) if self.detail == COARSE else max(len(faces), 2.0 * whole * (_STEPS / room) ** 2)
+        points = float(np.clip(requested, self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
+        spacing = float(np.sqrt(2.0 * whole / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         meshes = in_order(self.scene)
         mesh = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         emits = np.array([any(one.material.emission) for one in meshes], bool)[mesh[: len(faces)]]
@@ -210,18 +199,14 @@ class SiteChooser:
         while True:
             keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing, level, within)
             clusters = Clusters(tessellation, members, keys, spacing, area, of_mesh, member, value, level)
-            first = clusters.choose(left, len(left), clusters.min_area)
-            if len(first[0]) <= most:
+            sites = len(clusters.choose(left, len(left), clusters.min_area)[0])
+            if sites <= most:
                 break
             if doublings:  # the corners of a thousand distant houses must not take the sites of a room
                 level, farther, doublings = level - (farther > 0), farther - 1, doublings - 1
                 continue
-            spacing *= 1.05 * float(np.sqrt(len(first[0]) / about))
-        if self.detail == COARSE:
-            clusters = clusters.merged(_CLOSE * VOXEL * spacing)
-            left = np.flatnonzero(clusters.value < 0)
-            first = clusters.choose(left, len(left), clusters.min_area)
-        return clusters, first
+            spacing *= 1.05 * float(np.sqrt(sites / about))
+        return clusters.merged(_CLOSE * VOXEL * spacing) if self.detail == COARSE else clusters
 
     def _known_values(self, members: Sites) -> np.ndarray:
         """Return (M,) the numbers of the members' values that need no gather, else -1."""
@@ -233,20 +218,17 @@ class SiteChooser:
         value[~members.geometric.any(1)] = DARK_VALUE  # members of triangles without area, as in hidden meshes
         return value
 
-    def _assign(self, clusters: Clusters, first: Choice) -> Steps[np.ndarray]:
+    def _assign(self, clusters: Clusters) -> Steps[np.ndarray]:
         """Choose sites for members whose values are negative, and assign each to a visible site of its cluster, or a near one.
 
-        first: the sites of the first round. Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members
-        (S,) that are sites.
+        Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members (S,) that are sites.
         """
         members, value = clusters.members, clusters.value
         left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
-            chosen, site_of = first
-            if number:
-                min_area = clusters.min_area if number < _ROUNDS - 1 else 0.0
-                choosing = partial(clusters.choose, left, self.detail.most - FIRST_SITE - len(sites), min_area)
-                chosen, site_of = yield from in_background(choosing)
+            min_area = clusters.min_area if number < _ROUNDS - 1 else 0.0
+            choosing = partial(clusters.choose, left, self.detail.most - FIRST_SITE - len(sites), min_area)
+            chosen, site_of = yield from in_background(choosing)
             chosen = left[chosen]
             pending = np.flatnonzero(site_of >= 0)
             seen = np.zeros(len(left), bool)

@@ -6,7 +6,7 @@ follow by sums. While lights or meshes move, a Follower updates the values in us
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +22,7 @@ from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.follower import Follower
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser
 from irrsplat.surface_cache.site_places import Survey
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
@@ -30,16 +30,6 @@ from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounce
 
 _CLOSE = 0.1  # of the mean irradiance: change from a gather up to which values that follow replace coarse ones
 _STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
-
-
-@dataclass
-class _Steps:
-    """The unfinished steps of a level."""
-
-    choosing: Steps[SiteLayout] | None = None
-    survey: Survey | None = None
-    drawing: Steps[Sites] | None = None
-    bouncing: Steps[BouncedLight] | None = None
 
 
 class SiteLevel(Owner):
@@ -54,7 +44,7 @@ class SiteLevel(Owner):
     def __init__(self, world: World, settings: Settings, detail: Detail) -> None:
         self.world, self.detail = world, detail
         self._rays = SiteRays(world, settings, detail)
-        self._steps = _Steps()
+        self._making: Steps[BouncedLight] | None = None  # the unfinished solution
         self._unlit = world.unlit_interiors  # of the scene that the sites are of
         self.still = np.inf
         self._moved = False  # True if meshes have moved since the choice of the sites
@@ -138,7 +128,7 @@ class SiteLevel(Owner):
     def _dim(self, factor: np.ndarray) -> None:
         """Scale all finished and unfinished values by `factor`, (3,)."""
         f = np.asarray(factor, np.float32)
-        self._steps.bouncing = None
+        self._sum_again()
         for sites in {self.sites, self.shown}:
             if sites is not None:
                 sites.records.dim(f)
@@ -166,7 +156,12 @@ class SiteLevel(Owner):
 
     def _bounce_again(self) -> None:
         self.complete = False
-        self._steps.bouncing = None
+        self._sum_again()
+
+    def _sum_again(self) -> None:
+        """Begin the sum of bounces again; a choice of sites and places continues."""
+        if self.sites is not None and self.sites.places is not None:
+            self._making = None
 
     def suits_view(self) -> bool:
         """True if another choice of sites would not shorten the steps much at the eye of the present view, or it is in a wall."""
@@ -181,8 +176,7 @@ class SiteLevel(Owner):
         if self.follower is None:
             self._forget_transport()
         before, self.sites = self.sites, None
-        self._steps = _Steps()
-        self._bounce_again()
+        self._making, self.complete = None, False
         if before is not None and before is not self.shown:
             before.release()
 
@@ -197,20 +191,17 @@ class SiteLevel(Owner):
 
     def make(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Continue the next solution until the budget ends. Return True if lookups use its values now."""
+        self._tick = shadows, budget
+        self._making = self._making or self._solution()
         try:
-            sites = self._lay_out(budget)
-            if sites is None or not self._find_places(sites, shadows, budget):
-                return False
-            self._gather_sites(sites, shadows, budget)
-            if len(sites.records.stale):
-                return False
-            made = self._bounce(sites, budget)
-            if made is None:
-                return False
-            self._use(sites, made)
+            made = budget.advance(self._making)
         except BaseException:  # a generator that was interrupted is over
-            self._steps = _Steps()
+            self._making = None
             raise
+        if made is None:
+            return False
+        assert self.sites is not None
+        self._use(self.sites, made)
         if self._mixed:
             self._mixed = False
             self._forget_transport()
@@ -239,50 +230,40 @@ class SiteLevel(Owner):
     def _chooser(self) -> SiteChooser:
         return SiteChooser(self.world.scene, self._rays.reach, self.detail, self.world.eyes)
 
-    def _lay_out(self, budget: Budget) -> SurfaceSites | None:
-        """Return the sites once all are chosen; None if the budget ends before."""
+    def _solution(self) -> Steps[BouncedLight]:
+        """Return the light of all bounces at the sites. Choose the sites and their places, and gather E_1, where necessary."""
         if self.sites is None:
-            steps = self._steps
-            steps.choosing = steps.choosing or self._chooser.layout()
-            layout = budget.advance(steps.choosing)
-            if layout is None:
-                return None
-            self.sites, steps.choosing = SurfaceSites(self.world.ctx, layout), None
-        return self.sites
-
-    def _find_places(self, sites: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Find the ray origins of sites by a survey along few rays. Return True once all are complete."""
-        if sites.places is not None:
-            return True
-        steps, records, gather = self._steps, sites.records, self._rays.survey_gather()
-        survey = steps.survey = steps.survey or Survey(records.sites(slice(0, records.count)), gather.share.size)
-        left = np.arange(survey.done, records.count)
-        for batch in self._rays.gathered(gather, sites, left, shadows, budget):
-            survey.store(batch, self._rays.hits(gather, sites, batch), gather.met(len(batch)))
-        if survey.done < records.count:
-            return False
-        if steps.drawing is None:
-            R, corners, meshes = records.read()["radius"], self.world.geometry.corners, in_order(self.world.scene)
-            emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
-            steps.drawing = in_background(
-                partial(survey.places, R, sites.area, sites.level, corners, emissive, self.settings.seed)
-            )
-        sites.places = budget.advance(steps.drawing)
+            self.sites = SurfaceSites(self.world.ctx, (yield from self._chooser.layout()))
+        sites, records = self.sites, self.sites.records
         if sites.places is None:
-            return False
-        steps.survey = steps.drawing = None
-        return True
+            sites.places = yield from self._places(sites)
+        while True:
+            gather = self._rays.gather_for(records.count)
+            if self.settings.most_bounces > 2 and sites.transport is None:
+                records.invalidate()
+                sites.transport = Transport(records.count, gather.share.size)
+            stale = records.stale
+            records.mark_refreshed(stale[stale < FIRST_SITE])
+            self._gather(gather, sites, stale[stale >= FIRST_SITE], *self._tick)
+            if not len(records.stale):
+                return (yield from sum_bounces(self._first(records), sites.transport, sites.area, self.settings))
+            yield True
 
-    def _gather_sites(self, sites: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> None:
-        """Gather E_1 at the sites without a value, and find the sites that light the hits of their rays."""
+    def _places(self, sites: SurfaceSites) -> Steps[Sites]:
+        """Return the ray origins of sites, by a survey along few rays."""
         records = sites.records
-        gather = self._rays.gather_for(records.count)
-        if self.settings.most_bounces > 2 and sites.transport is None:
-            records.invalidate()
-            sites.transport = Transport(records.count, gather.share.size)
-        stale = records.stale
-        records.mark_refreshed(stale[stale < FIRST_SITE])
-        self._gather(gather, sites, stale[stale >= FIRST_SITE], shadows, budget)
+        survey = Survey(records.sites(slice(0, records.count)), self._rays.survey_gather().share.size)
+        while True:
+            gather = self._rays.survey_gather()
+            for batch in self._rays.gathered(gather, sites, np.arange(survey.done, records.count), *self._tick):
+                survey.store(batch, self._rays.hits(gather, sites, batch), gather.met(len(batch)))
+            if survey.done >= records.count:
+                break
+            yield True
+        R, corners, meshes = records.read()["radius"], self.world.geometry.corners, in_order(self.world.scene)
+        emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
+        draw = partial(survey.places, R, sites.area, sites.level, corners, emissive, self.settings.seed)
+        return (yield from in_background(draw))
 
     def _gather(self, gather: TraceGather, sites: SurfaceSites, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget) -> int:
         """Gather E_1 at sites of these numbers, and missing rows of their transport, within the budget. Return their number."""
@@ -293,12 +274,6 @@ class SiteLevel(Owner):
             sites.records.mark_refreshed(batch)
             done += len(batch)
         return done
-
-    def _bounce(self, sites: SurfaceSites, budget: Budget) -> BouncedLight | None:
-        """Return the light of all bounces from E_1, up to the settings' last one; None if the budget ends before."""
-        if self._steps.bouncing is None:
-            self._steps.bouncing = sum_bounces(self._first(sites.records), sites.transport, sites.area, self.settings)
-        return budget.advance(self._steps.bouncing)
 
     def _first(self, records: RecordCache) -> np.ndarray:
         """Return (S, 3) E_1 at the sites, W/m², including values that need no gather."""
@@ -321,7 +296,7 @@ class SiteLevel(Owner):
         sites.write(made.irradiance)
         sites.light = self._gathered = made
         before, self.shown, self.complete = self.shown, sites, True
-        self._steps.bouncing, self.follower, self.still, self._moved = None, None, np.inf, False
+        self._making, self.follower, self.still, self._moved = None, None, np.inf, False
         if sites.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
             self.follower = Follower(self._rays, sites, self._first(sites.records))
         if before is not None and before is not sites:

@@ -18,7 +18,6 @@ from irrsplat.core.vertex_layout import vertex_column
 _MAX_CELLS = 1 << 17  # beyond one for every triangle
 _SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point for all of its corners
 _SLIVER = 16  # least number of strips of a sliver, each as wide as the spacing or the sliver's shortest edge, the longer one
-_DENSE = 64.0  # the most cells of a triangle at first, of those by its area, where there are too many
 _FINEST = 4  # greatest number of times that steps close to lights are halved
 _ROOMS = 3.0  # of the size of surroundings: distance up to which area counts in full; beyond, steps grow by its square
 _SHORTER = 4.0  # times as short: steps around an eye for which sites are chosen again
@@ -143,9 +142,10 @@ def tessellate(
     uneven, step = graded.pieces > 1, spacing * graded.wider
     edges = _edges(p)
     longest = edges.max(0)
-    n = np.where(uneven, graded.pieces, steps(p, longest, step))
-    strips = _strips(longest, np.maximum(np.maximum(edges.min(0), step), 1e-30))
-    sliver = strips >= _SLIVER
+    width = np.maximum(np.maximum(edges.min(0), step), 1e-30)
+    strips = steps(longest, width, strips=True)
+    sliver, wide = strips >= _SLIVER, longest > 1.001 * strips * width  # wide: where there would be too many strips
+    n = np.where(uneven, graded.pieces, steps(np.where(sliver, 0.0, longest), step))
     near = np.zeros(len(p), bool)
     close = np.flatnonzero(lit & (longest > _SMALL * step))
     near[close] = _halvings(p[close], step[close], lights) > 0
@@ -165,7 +165,9 @@ def tessellate(
         step[other] = spacing * wider[other]
         level[len(faces) :] = near[row[len(faces) :]] * _halvings(p[len(faces) :], step[len(faces) :], lights)
         longest, step = _edges(p).max(0), step * 0.5**level
-        n = steps(p, longest, step)
+        whole = len(faces) + np.flatnonzero(np.repeat(wide[cut] & (apex >= 0), parts))  # parts of one cell
+        longest[whole] = np.minimum(longest[whole], step[whole])
+        n = steps(np.where(table[:, 0] < 0.0, 0.0, longest), step)
         n[cut] = 0  # their parts have all cells
     unit, size = triangle_normals(p)
     geometric = unit.T.astype(np.float32)
@@ -218,18 +220,6 @@ def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> 
     return np.asarray(np.minimum(np.ceil(np.log2(spacing / np.maximum(step, 1e-30))), _FINEST).astype(np.intp))
 
 
-def _strips(longest: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Return (F,) the strips of triangles by their longest edges and the least width of a strip, (F,) metres.
-
-    Strips are wider where slivers would have more than _MAX_CELLS parts in all.
-    """
-    while True:
-        strips = np.ceil(longest / width)
-        if 2.0 * strips[strips >= _SLIVER].sum() <= _MAX_CELLS:
-            return np.asarray(strips.astype(np.intp))
-        width = 1.25 * width
-
-
 def _parts(corners: np.ndarray, n: np.ndarray, apex: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Return (P, 3, 3) the columns at the corners of the parts of each triangle, by those at its `corners` (F, 3, 3).
 
@@ -256,23 +246,16 @@ def _inset(p: np.ndarray, inset: float) -> np.ndarray:
     return np.asarray(p + inward * np.minimum(inset / np.maximum(length, 1e-30), 0.5))
 
 
-def steps(p: np.ndarray, longest: np.ndarray, spacing: float | np.ndarray) -> np.ndarray:
-    """Return (F,) the steps n of triangles `p` (F, 3, 3) by their longest edges (F,) in metres.
+def steps(longest: np.ndarray, step: np.ndarray, strips: bool = False) -> np.ndarray:
+    """Return (F,) the numbers of steps along longest edges (F,), by steps of these lengths (F,), in metres.
 
-    With too many cells, slivers get longer steps before all triangles do: their n² cells are far more than their area needs.
+    Steps are longer where triangles would have more than _MAX_CELLS cells, or slivers more such parts of strips.
     """
-
-    def within(most: float, wider: float = 1.0) -> np.ndarray:
-        n = np.minimum(np.ceil(np.minimum(longest / (wider * spacing) - 1e-6, 1e6)), np.ceil(np.sqrt(most * cells) / wider))
-        return np.maximum(n, 1.0).astype(np.intp)
-
-    cells: np.ndarray | float = 1.0  # cells that the area of each triangle needs, made at the first use
-    n, most, wider = within(np.inf), _DENSE, 1.0
-    while (n * n).sum() > len(n) + _MAX_CELLS:
-        cells = 2.0 * triangle_areas(p) / spacing**2 if np.isscalar(cells) else cells
-        n = within(most, wider)
-        most, wider = max(0.25 * most, 4.0), wider * (1.25 if most <= 4.0 else 1.0)
-    return n
+    while True:
+        n = np.maximum(np.ceil(np.minimum(longest / step - 1e-6, 1e6)), 1.0)
+        if (2.0 * n * (n >= _SLIVER) if strips else n * n - 1.0).sum() <= _MAX_CELLS:
+            return np.asarray(n.astype(np.intp))
+        step = 1.25 * step
 
 
 def _corners(cell: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

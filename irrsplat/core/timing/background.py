@@ -10,7 +10,7 @@ from typing import TypeVar
 from irrsplat.core.timing.clock import wait_for
 
 Result = TypeVar("Result")
-Steps = Generator[None, None, Result]  # work that pauses at each step, and returns its result
+Steps = Generator[bool | None, None, Result]  # work that pauses at each step, True at the end of a tick; returns its result
 
 _STEP = 0.01  # seconds that one step waits, at most
 _AT_ONCE = 2  # concurrent tasks: the BVH's build and the surfaces' layout; more would be leftovers of quick changes
