@@ -27,10 +27,10 @@ _RAISED = 0.3  # of the distance of two members: height of the second line of si
 _CLEARANCE = 1.2  # of the height at which tangents meet: clearance of a bent line between two members above the surface
 
 
-def both_sides(tessellation: Tessellation, outer: np.ndarray, inner: np.ndarray) -> Sites:
-    """Return the points `outer` (N,) on their front by the winding, then `inner` (K,) on their back."""
-    both = np.concatenate([outer, inner])
-    normal, geometric = (np.concatenate([n[outer], -n[inner]]) for n in (tessellation.normal, tessellation.geometric))
+def both_sides(tessellation: Tessellation, points: np.ndarray) -> Sites:
+    """Return the `points` (N,) on their front by the winding, then on their back."""
+    both = np.tile(points, 2)
+    normal, geometric = (np.concatenate([n[points], -n[points]]) for n in (tessellation.normal, tessellation.geometric))
     return Sites(tessellation.position[both], normal, geometric, tessellation.face[both])
 
 
@@ -121,8 +121,8 @@ class Clusters:
     """The tessellation, M members on its two sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
 
     area: (M,) area that each member represents, m². mesh: (M,) number of its mesh. member: (2, P) number of the member for each
-    side of each point of the tessellation. value: (M,) numbers of the members' values; -1 until SiteChooser fills the values that
-    need a gather. level: (M,) number of times that the size of the cluster is halved, or doubled if negative.
+    side of each point of the tessellation. lit: (M,) False for members without light, and for those that no surface sees. level:
+    (M,) number of times that the size of the cluster is halved, or doubled if negative.
     """
 
     tessellation: Tessellation
@@ -132,7 +132,7 @@ class Clusters:
     area: np.ndarray
     mesh: np.ndarray
     member: np.ndarray
-    value: np.ndarray
+    lit: np.ndarray
     level: np.ndarray
 
     @property
@@ -157,10 +157,10 @@ class Clusters:
         return _by_mesh(voxel_keys(place, normal, width, level, within), mesh)
 
     def merged(self, width: float) -> Clusters:
-        """Return the clusters with one member for all members without a value in one part of this `width`, see `parts`."""
-        parts = np.where(self.value < 0, self.parts(slice(None), width), -2 - np.arange(len(self.value)))
+        """Return the clusters with one member for all members in one part of this `width`, see `parts`."""
+        parts = 2 * self.parts(slice(None), width) + self.lit
         kept, which = choose_sites(parts, self.members.position, self.area, 0.0, len(parts))
-        columns = {name: getattr(self, name)[kept] for name in ("members", "keys", "mesh", "value", "level")}
+        columns = {name: getattr(self, name)[kept] for name in ("members", "keys", "mesh", "lit", "level")}
         area = np.bincount(which, self.area, len(kept))
         return replace(self, member=which[self.member], area=area, **columns)
 

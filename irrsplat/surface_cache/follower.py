@@ -17,7 +17,6 @@ from irrsplat.records.motion import moved_sites, of_meshes
 from irrsplat.scene.change import SceneChange, emits
 from irrsplat.scene.emitters import mean_emission
 from irrsplat.surface_cache.clustering import voxel_keys
-from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import Transport
@@ -84,7 +83,6 @@ class Follower:
             self._transport.known[:] = False
         before, after, emitted = np.ones_like(self.direct), np.ones_like(self.direct), np.zeros_like(self.direct)
         for old, new, own, inside in of_meshes(self._sites.records.column("triangle"), change, change.repainted):
-            own[:FIRST_SITE] = False
             before[own], after[own] = old.material.albedo, new.material.albedo
             emitted[own] = (mean_emission(new) - mean_emission(old))[inside[own]]
         if (before != after).any():

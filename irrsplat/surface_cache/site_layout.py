@@ -29,8 +29,6 @@ from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 4000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
 _STEPS = 9.0  # least number of steps along the extent of the surroundings of an eye
-SKY_VALUE, DARK_VALUE = 0, 1  # numbers of the values of members that see only the sky, and of members without light
-FIRST_SITE = 2  # number of the first gathered value
 _ROUNDS = 4  # rounds of clustering; members that do not see their cluster's site form clusters in the next round
 _ALTERNATIVES = 10  # near sites that are tried for a member without a site of its own
 # of `most`: sites of the first round, about and at most; members that see none get the remaining
@@ -83,14 +81,12 @@ def detail_for(settings: Settings) -> Detail:
 
 @dataclass(frozen=True)
 class SiteLayout:
-    """The sites of a surface cache, with S values, and the cells of the lookup.
+    """The S sites of a surface cache, and the cells of the lookup.
 
-    sites: (S,) positions of the gathers; the values SKY_VALUE and DARK_VALUE need no gather, and their positions have no
-    meaning. area: (S,) area of the surface that each site represents, m². level: (S,) of its cluster, see Clusters. grading: of
-    the cells. triangles: see Tessellation.table. cells: (C + H, 2, 4) float32. For each side of the C cells: numbers of the
-    values at the corners (-1: none), and 0 if all corners see each other. Otherwise an object occludes part of the cell, and
-    the last number is that of one of the H further rows. These rows have the lines beyond which corners are hidden, see
-    _borders.
+    area: (S,) area of the surface that each site represents, m². level: (S,) of its cluster, see Clusters. grading: of the cells.
+    triangles: see Tessellation.table. cells: (C + H, 2, 4) float32. For each side of the C cells: numbers of the sites of the
+    corners (-1: none), and 0 if all corners see each other. Otherwise an object occludes part of the cell, and the last number is
+    that of one of the H further rows. These rows have the lines beyond which corners are hidden, see _borders.
     """
 
     sites: Sites
@@ -122,14 +118,12 @@ class SiteChooser:
     def layout(self) -> Steps[SiteLayout]:
         """Choose the sites: all steps in their order."""
         grading = yield from self.grading()
-        clusters, chosen = yield from self.choose(grading)
-        value = clusters.value
-        at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
+        clusters = yield from self.clusters(grading)
+        chosen, site = yield from self._assign(clusters)
         yield
-        area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
-        cells = yield from self._cells(clusters)
-        level, table = clusters.level[at], clusters.tessellation.table
-        return SiteLayout(clusters.members[at], area.astype(float), level, grading, table, cells)
+        area = np.bincount(site[site >= 0], clusters.area[site >= 0], len(chosen))
+        cells = yield from self._cells(clusters, site)
+        return SiteLayout(clusters.members[chosen], area, clusters.level[chosen], grading, clusters.tessellation.table, cells)
 
     def grading(self) -> Steps[Grading]:
         """Return the grading for the eyes, except those in walls, and for lights and emitters."""
@@ -146,10 +140,9 @@ class SiteChooser:
         """Metres, the least extent of the surroundings of an eye that is not in a wall or on a surface."""
         return _FREE * self.offset
 
-    def choose(self, grading: Grading) -> Steps[tuple[Clusters, np.ndarray]]:
-        """Return the clusters with the numbers of their members' values, and the members (S,) that are sites."""
-        clusters = yield from in_background(partial(self._cluster, grading))
-        return clusters, (yield from self._assign(clusters))
+    def clusters(self, grading: Grading) -> Steps[Clusters]:
+        """Return the clusters of the corners of cells by this `grading`."""
+        return in_background(partial(self._cluster, grading))
 
     def rooms(self, places: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) metres: the upper quartile of distances from `places` (N, 3) to surfaces."""
@@ -172,33 +165,31 @@ class SiteChooser:
         room = float(np.median(grading.rooms[: grading.eyes])) if grading.eyes else np.inf
         # a coarse level lights the first pictures: twice the time would delay them
         requested = len(faces) if self.detail == COARSE else max(len(faces), 2.0 * whole * (_STEPS / room) ** 2)
-        points = float(np.clip(requested, self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
-        spacing = float(np.sqrt(2.0 * whole / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
+        corners = float(np.clip(requested, self.detail.fewest * POINTS[0], POINTS[1])) * self.detail.points
+        spacing = float(np.sqrt(2.0 * whole / corners)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         meshes = in_order(self.scene)
         mesh = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         emits = np.array([any(one.material.emission) for one in meshes], bool)[mesh[: len(faces)]]
         lights = _steep_places(self.scene, vertices, faces[emits], spacing, graded[emits])
         tessellation = tessellate(vertices, faces, spacing, self.offset, lights, ~emits, graded)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
-        unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
-        inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one member represents all unlit interiors
-        number = np.full(len(points), len(inner) - 1)
-        number[inner] = np.arange(len(inner))
-        members = clustering.both_sides(tessellation, points, points[inner])
-        member = np.stack([which, len(points) + number[which]])
+        members, member = clustering.both_sides(tessellation, points), np.stack([which, len(points) + which])
         area = np.bincount(member.ravel(), weights=np.tile(tessellation.area, 2), minlength=len(members))
         columns = tessellation.level, mesh[tessellation.face], np.log2(tessellation.wider).astype(np.intp)
-        level, of_mesh, farther = (of[np.concatenate([points, points[inner]])] for of in columns)
+        level, of_mesh, farther = (np.tile(of[points], 2) for of in columns)
         doublings = min(int(farther.max(initial=0)), clustering.MOST_DOUBLINGS)
-        value = self._known_values(members)
-        value[len(points) :][unlit[inner]] = DARK_VALUE
-        closed = np.array([sort_of(one) == CLOSED for one in meshes], bool)[mesh[tessellation.face[points[inner]]]]
-        within = np.concatenate([np.zeros(len(points), bool), closed])  # the inner sides of closed meshes
-        left = np.flatnonzero(value < 0)
+        inner = np.arange(len(members)) >= len(points)
+        within = inner & np.array([sort_of(one) == CLOSED for one in meshes], bool)[of_mesh]  # the inner sides of closed meshes
+        lit = ~(inner & np.array(unlit_interiors(self.scene), bool)[of_mesh])
+        low, high = self.scene.bounds
+        farthest = np.where(members.geometric > 0.0, high, low) - clustering.eyes(members, slice(None), self.offset)
+        # no ray hits a surface above the whole scene, or one without area and normal, as in hidden meshes
+        lit &= (farthest * members.geometric).sum(1) > 0.0
+        left = np.flatnonzero(lit)
         about, most = (share * self.detail.most for share in _FIRST_SHARE)
         while True:
             keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing, level, within)
-            clusters = Clusters(tessellation, members, keys, spacing, area, of_mesh, member, value, level)
+            clusters = Clusters(tessellation, members, keys, spacing, area, of_mesh, member, lit, level)
             sites = len(clusters.choose(left, len(left), clusters.min_area)[0])
             if sites <= most:
                 break
@@ -208,44 +199,33 @@ class SiteChooser:
             spacing *= 1.05 * float(np.sqrt(sites / about))
         return clusters.merged(_CLOSE * VOXEL * spacing) if self.detail == COARSE else clusters
 
-    def _known_values(self, members: Sites) -> np.ndarray:
-        """Return (M,) the numbers of the members' values that need no gather, else -1."""
-        value = np.full(len(members), -1)
-        if self.scene.uniform_sky:  # otherwise the value depends on the normal
-            low, high = self.scene.bounds
-            farthest = np.where(members.geometric > 0.0, high, low) - clustering.eyes(members, slice(None), self.offset)
-            value[(farthest * members.geometric).sum(1) <= 0.0] = SKY_VALUE  # the whole scene lies below the surface
-        value[~members.geometric.any(1)] = DARK_VALUE  # members of triangles without area, as in hidden meshes
-        return value
+    def _assign(self, clusters: Clusters) -> Steps[tuple[np.ndarray, np.ndarray]]:
+        """Choose sites among lit members, and assign each member to a visible site of its cluster, or a near one.
 
-    def _assign(self, clusters: Clusters) -> Steps[np.ndarray]:
-        """Choose sites for members whose values are negative, and assign each to a visible site of its cluster, or a near one.
-
-        Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members (S,) that are sites.
+        Return the members (S,) that are sites, and (M,) the number of each member's site; -1 for members without light.
         """
-        members, value = clusters.members, clusters.value
-        left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
+        members, site = clusters.members, np.full(len(clusters.members), -1)
+        left, sites = np.flatnonzero(clusters.lit), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
             min_area = clusters.min_area if number < _ROUNDS - 1 else 0.0
-            choosing = partial(clusters.choose, left, self.detail.most - FIRST_SITE - len(sites), min_area)
+            choosing = partial(clusters.choose, left, self.detail.most - len(sites), min_area)
             chosen, site_of = yield from in_background(choosing)
             chosen = left[chosen]
             pending = np.flatnonzero(site_of >= 0)
             seen = np.zeros(len(left), bool)
             seen[pending] = yield from self.see(members, left[pending], chosen[site_of[pending]])
-            value[left[seen]] = FIRST_SITE + len(sites) + site_of[seen]
+            site[left[seen]] = len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
-        yield from self._assign_near(clusters, sites)
-        return sites
+        site[left] = yield from self._near(clusters, left, sites)
+        return sites, site
 
-    def _assign_near(self, clusters: Clusters, gathered: np.ndarray) -> Steps[None]:
-        """Assign the members without a value to a near site: the nearest visible one, else the nearest.
+    def _near(self, clusters: Clusters, left: np.ndarray, gathered: np.ndarray) -> Steps[np.ndarray]:
+        """Return (N,) a near site for each of the members `left` (N,): the nearest visible one, else the nearest; -1: none.
 
         gathered: the members that are sites. Without this step, small objects beyond the number of sites are black: a room full
         of them lost a third of its second bounce.
         """
-        members, value = clusters.members, clusters.value
-        left, size = np.flatnonzero(value < 0), VOXEL * clusters.spacing
+        members, size = clusters.members, VOXEL * clusters.spacing
         # a coarse level tests one of several close members: most members that are left lie within objects and see no site
         parts = clusters.parts(left, _PART * size) if self.detail == COARSE else left
         _, first, part = np.unique(parts, return_index=True, return_inverse=True)
@@ -259,17 +239,16 @@ class SiteChooser:
         # the two sides of a small emitter are close, and only one side is bright
         alike = (near >= 0) & (clusters.within[gathered[near]] == clusters.within[some][:, None])
         nearest = near[np.arange(len(near)), alike.argmax(1)]
-        found = np.where((found < 0) & alike.any(1), nearest, found)
-        value[left] = np.where(found < 0, -1, FIRST_SITE + found)[part.ravel()]
+        return np.where((found < 0) & alike.any(1), nearest, found)[part.ravel()]
 
-    def _cells(self, clusters: Clusters) -> Steps[np.ndarray]:
-        """Return SiteLayout.cells, once all members have values."""
-        members, value = clusters.members, clusters.value
+    def _cells(self, clusters: Clusters, site: np.ndarray) -> Steps[np.ndarray]:
+        """Return SiteLayout.cells by the `site` (M,) of each member."""
+        members = clusters.members
         table = [np.zeros((len(clusters.tessellation.corners), 2, 4), np.float32)]
         for side, cells in enumerate(table[0].swapaxes(0, 1)):
             corners = clusters.member[side][clusters.tessellation.corners]
-            cells[:, :3] = value[corners]
-            unlike = np.flatnonzero((value[corners] != value[corners[:, :1]]).any(1))
+            cells[:, :3] = site[corners]
+            unlike = np.flatnonzero((site[corners] != site[corners[:, :1]]).any(1))
             pairs = np.sort(corners[unlike][:, [[1, 2], [2, 0], [0, 1]]], axis=-1)  # opposite to each corner
             key, pair = np.unique(pairs[..., 0] * len(members) + pairs[..., 1], return_inverse=True)
             seen = yield from self.see(members, *np.divmod(key, len(members)))

@@ -17,12 +17,11 @@ from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
-from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.follower import Follower
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser
+from irrsplat.surface_cache.site_layout import Detail, SiteChooser
 from irrsplat.surface_cache.site_places import Survey
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
@@ -98,7 +97,7 @@ class SiteLevel(Owner):
         old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
         other_light = old.light_samples != settings.light_samples or old.shadow_size != settings.shadow_size
-        alike = unlit == self._unlit and change.old.uniform_sky == change.new.uniform_sky
+        alike = unlit == self._unlit and not other_rays
         if finish and relit and alike and not moved and settings == old and 0.0 < self.progress < 1.0:
             self._mixed = True
             return
@@ -220,7 +219,6 @@ class SiteLevel(Owner):
             return None
         assert shown is not None and shown.light is not None
         order, before = follower.order, shown.light.irradiance
-        order = order[order >= FIRST_SITE]
         done = self._gather(self._rays.quick_gather(), shown, order, shadows, budget.part(0.0, 0.0))
         E = follower.step(shadows, before, order[:done])
         self._show(E)
@@ -242,11 +240,9 @@ class SiteLevel(Owner):
             if self.settings.most_bounces > 2 and sites.transport is None:
                 records.invalidate()
                 sites.transport = Transport(records.count, gather.share.size)
-            stale = records.stale
-            records.mark_refreshed(stale[stale < FIRST_SITE])
-            self._gather(gather, sites, stale[stale >= FIRST_SITE], *self._tick)
+            self._gather(gather, sites, records.stale, *self._tick)
             if not len(records.stale):
-                return (yield from sum_bounces(self._first(records), sites.transport, sites.area, self.settings))
+                return (yield from sum_bounces(records.read()["irradiance"], sites.transport, self.settings))
             yield True
 
     def _places(self, sites: SurfaceSites) -> Steps[Sites]:
@@ -275,13 +271,6 @@ class SiteLevel(Owner):
             done += len(batch)
         return done
 
-    def _first(self, records: RecordCache) -> np.ndarray:
-        """Return (S, 3) E_1 at the sites, W/m², including values that need no gather."""
-        E_1 = records.read()["irradiance"]
-        E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self.world.scene.sky)
-        E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
-        return E_1
-
     # ---- the values in use -----------------------------------------------------------------------------------------
 
     def _show(self, E: np.ndarray) -> None:
@@ -297,7 +286,7 @@ class SiteLevel(Owner):
         sites.light = self._gathered = made
         before, self.shown, self.complete = self.shown, sites, True
         self._making, self.follower, self.still, self._moved = None, None, np.inf, False
-        if sites.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
-            self.follower = Follower(self._rays, sites, self._first(sites.records))
+        if sites.transport is not None and sites.records.count and self.settings.bounces == "all" and self.detail.level <= 0:
+            self.follower = Follower(self._rays, sites, sites.records.read()["irradiance"])
         if before is not None and before is not sites:
             before.release()

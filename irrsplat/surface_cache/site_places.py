@@ -14,7 +14,6 @@ import numpy as np
 from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.gather.record_frame import PLACES
-from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.transport import Transport
 
 _NEAR = 0.3  # of a cluster's width, before halving: rays from closer emissive surfaces count by the square of the distance
@@ -26,7 +25,7 @@ class Survey:
     """Hits of a few rays from each of the `sites` (S,), with their `transport`. done: the number of surveyed sites."""
 
     def __init__(self, sites: Sites, rays: int) -> None:
-        self.sites, self.done = sites, FIRST_SITE
+        self.sites, self.done = sites, 0
         self.transport = Transport(len(sites), rays)
         none, nowhere = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
         # of N hits: ray origin, the site that is hit, transported share, position, shading normal, triangle
@@ -36,7 +35,7 @@ class Survey:
         """Store the hits of the rays of sites of these numbers (N,), see SiteRays.hits. met: their places, by TraceGather.met."""
         share, site, albedo = hits
         self.transport.fill(numbers, share, site, albedo)
-        part = np.where(site < FIRST_SITE, 0.0, share * albedo.mean(-1))
+        part = np.where(site < 0, 0.0, share * albedo.mean(-1))
         rays = np.nonzero(part)
         self._hits.append((numbers[rays[0]], site[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)

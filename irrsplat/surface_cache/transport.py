@@ -11,7 +11,7 @@ from irrsplat.settings import Settings
 
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
-_DECAYS = 0.999  # greatest ratio of successive bounces with an estimate of the rest: ratios of rooms are exact to about 1e-5
+_DECAYS = 0.999  # greatest ratio of successive bounces for an estimate of the rest
 
 
 class Transport:
@@ -80,58 +80,35 @@ class BouncedLight:
     converged: bool = False
 
 
-def sum_bounces(E_1: np.ndarray, transport: Transport | None, area: np.ndarray, settings: Settings) -> Steps[BouncedLight]:
+def sum_bounces(E_1: np.ndarray, transport: Transport | None, settings: Settings) -> Steps[BouncedLight]:
     """Return E_(N−1) at the sites for the N bounces of the settings. Pause after each bounce.
 
-    For all bounces, add an estimate of the light of further ones, and end at the first N with an estimate below CONVERGED.
+    For all bounces, add an estimate of the light of further ones, and end at the first N with an estimate below CONVERGED. Each
+    site's light continues to fade by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation). While
+    light spreads, a site's own r may be too great. The greatest row sums of F bound all its eigenvalues, and r.
 
-    E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
+    E_1: (S, 3) W/m². transport: not needed for two bounces.
     """
     total = term = E_1.astype(np.float32)
     made, most, everything = 2, settings.most_bounces, settings.bounces == "all"
     if transport is None or most == made:
         return BouncedLight(total, made)
-    # the greatest row sums of F bound all eigenvalues: light in a tent fades more slowly than on the sunlit ground around
-    slowest = np.minimum(transport(np.ones_like(total)).max(0, initial=0.0), _DECAYS) if everything else np.ones(3)
+    slowest = np.minimum(transport(np.ones_like(total)).max(0, initial=0.0), _DECAYS) if everything else np.zeros(3)
     while True:
         after = transport(term)  # the bounce that a gather from `total` adds
-        decay = _decay(term, after, area)
-        if everything and decay.max() < _DECAYS:
-            remainder = _remainder(term, after, decay)
-            whole = total + after + remainder
-            if _share(_remainder(term, after, slowest), whole) < CONVERGED:
-                return BouncedLight(whole, made, converged=True)
-            if made == most:
-                greatest = (after * (decay / (1.0 - decay))).astype(np.float32)
-                return BouncedLight(whole, made, converged=_share(greatest - remainder, whole) < CONVERGED)
+        r = np.divide(after, term, out=np.broadcast_to(slowest, after.shape).astype(np.float32), where=term > 0.0)
+        r = np.minimum(r, slowest)
+        remainder = (after * r / (1.0 - r)).astype(np.float32)
+        whole = total + after + remainder
+        if everything and _share(remainder, whole) < CONVERGED:
+            return BouncedLight(whole, made, converged=True)
         if made == most:
+            if everything and slowest.max() < _DECAYS:
+                greatest = (after * (slowest / (1.0 - slowest))).astype(np.float32)
+                return BouncedLight(whole, made, converged=_share(greatest - remainder, whole) < CONVERGED)
             return BouncedLight(total, made)
         yield
         total, term, made = total + after, after, made + 1
-
-
-def _decay(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Return (3,) about the greatest eigenvalue of F, by the light of the `last` bounce (S, 3) and of the one before it.
-
-    It is the ratio of their means or that of their root mean squares: the first sees light that has yet to reach the brighter
-    corners, the second those corners. Sites that see no light, such as a roof's in the sun, do not pass theirs on.
-    """
-    before = np.where(last > 0.0, before, 0.0)
-    # no BLAS: it shares so little out to all processors, and waits a thousand times as long where others keep these busy
-    means, squares = ([np.einsum("s,sc->c", area, (term**power).astype(float)) for term in (before, last)] for power in (1, 2))
-    ratios = [after / np.maximum(one, 1e-300) for one, after in (means, squares)]
-    return np.asarray(np.maximum(ratios[0], np.sqrt(ratios[1])))
-
-
-def _remainder(before: np.ndarray, last: np.ndarray, decay: np.ndarray) -> np.ndarray:
-    """Return (S, 3) an estimate of the light after the `last` bounce, which follows `before`.
-
-    Each site's light continues to fade by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
-    While light spreads, a site's own r may be too great, so that it is at most `decay` (3,).
-    """
-    r = np.divide(last, before, out=np.broadcast_to(decay, last.shape).astype(np.float32), where=before > 0.0)
-    r = np.minimum(r, decay)
-    return np.asarray((last * r / (1.0 - r)).astype(np.float32))
 
 
 def _share(remainder: np.ndarray, total: np.ndarray) -> float:

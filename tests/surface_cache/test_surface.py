@@ -250,7 +250,7 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
         assert np.allclose(reach(np.tile(ends[2], (900, 1)), ends), np.tile([0.5, 1.0, 1.0], 300), atol=1e-6)
     tessellation = cut(scene(sphere((0, 0, 0), 1.0)), 2.0)
     every, high = np.arange(len(tessellation.face)), scene(quad((-5, 0, 0), (10, 0, 0), (0, 0, 0.1)))  # eyes a millimetre up
-    some, ball = clustering.both_sides(tessellation, every, every), World(ctx, scene(sphere((0, 0, 0), 1.0)))
+    some, ball = clustering.both_sides(tessellation, every), World(ctx, scene(sphere((0, 0, 0), 1.0)))
     pairs = np.random.default_rng(4).integers(0, len(every), (2000, 2)).T
     near = pairs[:, (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5]
     near = np.concatenate([near, near + len(every)], axis=1)
@@ -274,9 +274,9 @@ def clusters(world: World, detail: Detail) -> Clusters:
     chooser = SiteChooser(world.scene, world.caster.reach, detail, world.eyes)
     grading = Budget(None).advance(chooser.grading())
     assert grading is not None
-    made = Budget(None).advance(chooser.choose(grading))
+    made = Budget(None).advance(chooser.clusters(grading))
     assert made is not None
-    return made[0]
+    return made
 
 
 def test_steps_are_short_along_a_long_strip_light(ctx: moderngl.Context) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from concurrent.futures import Future
 from threading import Semaphore, Thread
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from irrsplat.core.timing.clock import wait_for
 
 Result = TypeVar("Result")
-Steps = Generator[bool | None, None, Result]  # work that pauses at each step, True at the end of a tick; returns its result
+Steps = Generator[Any, None, Result]  # work that pauses at each step, True at the end of a tick; returns its result
 
 _STEP = 0.01  # seconds that one step waits, at most
 _AT_ONCE = 2  # concurrent tasks: the BVH's build and the surfaces' layout; more would be leftovers of quick changes
