@@ -8,7 +8,6 @@ range in the order of their places along this axis.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -31,31 +30,21 @@ _STRIP = 32768  # records per strip at most: Mesa's software renderer silently e
 _WIDTH = 12  # of a strip, in spacings of the records, about: narrower strips need more draws, wider ones more comparisons
 
 
-@dataclass(frozen=True)
-class _Progress:
-    """Progress of the adaptation.
-
-    limited: records with limits. compared: records by which all others are limited as well. inputs: the inputs of
-    both: values of the settings, the number of refreshes and the luminance floor; empty before the first adaptation.
-    """
-
-    limited: int = 0
-    compared: int = 0
-    inputs: tuple[object, ...] = ()
-
-
 class AdaptiveRadius(Owner):
-    """Keeps the limits of the radii of a cache's records up to date."""
+    """Keeps the limits of the radii of a cache's records up to date.
+
+    compared: the number of records by which all others are limited.
+    """
 
     def __init__(self, ctx: moderngl.Context, cache: RecordCache, timers: Timers) -> None:
         self.cache, self.timers, self.limit_pass = cache, timers, self.own(RadiusLimitPass(ctx))
-        self._progress = _Progress()
+        self._limited = self.compared = 0  # number of records with limits
+        self._made_for: tuple[object, ...] = ()  # values of the settings, number of refreshes and luminance floor, see _inputs
         self._floor_of = 0, 0  # record count and refresh count at the last update of the luminance floor
 
     def keep(self, numbers: np.ndarray) -> None:
         """Drop all records except these numbers, ascending."""
-        limited, compared = (int(np.searchsorted(numbers, n)) for n in (self._progress.limited, self._progress.compared))
-        self._progress = _Progress(limited, compared, self._progress.inputs)
+        self._limited, self.compared = (int(np.searchsorted(numbers, n)) for n in (self._limited, self.compared))
 
     def __call__(self, settings: Settings, old_too: bool, same_floor: bool = False) -> bool:
         """Compare each new record with the records before it; return True if the limit of an old record changed.
@@ -73,9 +62,8 @@ class AdaptiveRadius(Owner):
             self._floor_of = cache.count, cache.refresh_count
             cache.update_luminance_floor()
         inputs = self._inputs(vars(settings))
-        same = inputs == self._progress.inputs
-        done = self._progress if same else _Progress()
-        limited, compared = min(done.limited, cache.count), min(done.compared, cache.count)
+        same = inputs == self._made_for
+        limited, compared = (min(n, cache.count) if same else 0 for n in (self._limited, self.compared))
         old_too = old_too and cache.count - compared >= int(_FEW * cache.count)
         first = compared if old_too else limited
         changed = False
@@ -88,7 +76,7 @@ class AdaptiveRadius(Owner):
                     cache.set_limits(np.ones(cache.count))
                 changed = not same or not np.array_equal(before, cache.limits(limited))
             cache.revision += changed  # unchanged limits keep the splats of old records valid
-        self._progress = _Progress(cache.count, cache.count if old_too else compared, inputs)
+        self._limited, self.compared, self._made_for = cache.count, cache.count if old_too else compared, inputs
         return changed
 
     def _inputs(self, settings: Mapping[str, object]) -> tuple[object, ...]:
@@ -96,16 +84,12 @@ class AdaptiveRadius(Owner):
 
     def is_current(self, settings: Settings) -> bool:
         """True if all present records have limits by these settings."""
-        return self._progress.limited == self.cache.count and self._progress.inputs == self._inputs(vars(settings))
-
-    @property
-    def compared(self) -> int:
-        """The number of records by which all others are limited."""
-        return self._progress.compared
+        return self._limited == self.cache.count and self._made_for == self._inputs(vars(settings))
 
     def accept(self, settings: Mapping[str, object], compared: int) -> None:
         """Take the present limits, and the luminance floor, as those by `settings` with so many records `compared`."""
-        self._progress = _Progress(self.cache.count, compared, self._inputs(settings)) if compared else _Progress()
+        self._limited, self.compared = self.cache.count if compared else 0, compared
+        self._made_for = self._inputs(settings) if compared else ()
         self._floor_of = self.cache.count, self.cache.refresh_count
 
 

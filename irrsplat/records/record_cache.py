@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -28,36 +27,24 @@ LINEAR = ("irradiance", "vectors", "gradient")  # columns in proportion to the l
 PROBED = ("irradiance", "radius", "vectors", "gradient")  # columns of a record that a probe keeps, in this order
 
 
-@dataclass(frozen=True)
-class _Column:
-    """A CPU array with a row for each record. shape, dtype: of a row. saved: True if files contain it, by its name."""
-
-    shape: tuple[int, ...]
-    dtype: str
-    meaning: str
-    saved: bool = True
-
-
-_COLUMNS: dict[str, _Column] = {
-    "position": _Column((4,), "f4", "xyz, world space"),
-    "normal": _Column((4,), "f4", "xyz, unit shading normal"),
-    "geometric": _Column((4,), "f4", "xyz, unit geometric normal"),
-    "triangle": _Column((), "i8", "number of the triangle below the record; -1: unknown"),
-    "epoch": _Column((), "i8", "invalidation epoch of its last gather"),
-    "last_view": _Column((), "i8", "number of the last view that contained it"),
-    "id": _Column((), "i8", "identity of the record, constant while its number changes"),
-    "frame_rotation": _Column((), "i8", "random seed of the rotation of its frame, see Sites"),
-    "gather_size": _Column((), "i8", "side of its gather; 0: the settings' side", saved=False),
-    "screen": _Column((), "f4", "height of the image at its distance in the view that requested it, metres; 0: unknown"),
-    "probe": _Column(
-        (sum(math.prod(record_layout.COLUMNS[name].shape) for name in PROBED),),
-        "f4",
-        "E in W/m², R in metres, M and ∇E of its last probe, see change_probe.py; R = 0: no probe yet",
-    ),
-    "drift": _Column((), "f4", "change of its probes since its gather, 0..1; 1: unknown"),
-    "due": _Column((), "f4", "estimated change around it since its last probe; 0: none", saved=False),
+# CPU arrays with a row for each record: shape and type of a row
+_COLUMNS: dict[str, tuple[tuple[int, ...], str]] = {
+    "position": ((4,), "f4"),  # xyz, world space
+    "normal": ((4,), "f4"),  # xyz, unit shading normal
+    "geometric": ((4,), "f4"),  # xyz, unit geometric normal
+    "triangle": ((), "i8"),  # number of the triangle below the record; -1: unknown
+    "epoch": ((), "i8"),  # invalidation epoch of its last gather
+    "last_view": ((), "i8"),  # number of the last view that contained it
+    "id": ((), "i8"),  # identity of the record, constant while its number changes
+    "frame_rotation": ((), "i8"),  # random seed of the rotation of its frame, see Sites
+    "screen": ((), "f4"),  # height of the image at its distance in the view that requested it, metres; 0: unknown
+    # E in W/m², R in metres, M and ∇E of its last probe, see change_probe.py; R = 0: no probe yet
+    "probe": ((sum(math.prod(record_layout.COLUMNS[name].shape) for name in PROBED),), "f4"),
+    "drift": ((), "f4"),  # change of its probes since its gather, 0..1; 1: unknown
+    "gather_size": ((), "i8"),  # side of its gather; 0: the settings' side
+    "due": ((), "f4"),  # estimated change around it since its last probe; 0: none
 }
-_SAVED = [name for name, column in _COLUMNS.items() if column.saved]
+_SAVED = [name for name in _COLUMNS if name not in ("gather_size", "due")]  # in files
 _ON_GPU = [name for name, column in record_layout.COLUMNS.items() if column.source != "site"]  # files have the same names
 
 
@@ -78,7 +65,7 @@ class RecordCache(Owner):
         self.revision = 0  # rises when existing records change or are dropped: their splats are void
         self.evicted = 0  # records dropped by `keep_only` so far
         self.luminance_floor = 0.0  # W/m², see `update_luminance_floor`
-        self._columns = {name: np.zeros((TABLE_COLUMNS, *c.shape), c.dtype) for name, c in _COLUMNS.items()}
+        self._columns = {name: np.zeros((TABLE_COLUMNS, *shape), kind) for name, (shape, kind) in _COLUMNS.items()}
         self._textures = {name: self._texture(name, 1) for name in TEXTURES}
         self._view = 0  # number of the present view
         self._next_id = 0
@@ -403,7 +390,7 @@ def luminance_floor(irradiance: np.ndarray) -> float:
 def check_state(state: Mapping[str, np.ndarray]) -> None:
     """Raise KeyError or ValueError if the arrays of RecordCache.state are incomplete, of wrong shape or not finite."""
     count = len(state["id"])
-    shapes = {name: (count, *_COLUMNS[name].shape) for name in _SAVED}
+    shapes = {name: (count, *_COLUMNS[name][0]) for name in _SAVED}
     shapes |= {name: (count, *record_layout.COLUMNS[name].shape) for name in _ON_GPU} | {"clocks": (3,), "luminance_floor": ()}
     for name, shape in shapes.items():
         found = state[name]

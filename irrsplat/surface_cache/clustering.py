@@ -150,15 +150,10 @@ class Clusters:
         area = self.area[left] * 4.0 ** self.level[left]
         return choose_sites(self.keys[left], self.members.position[left], area, min_area, most)
 
-    def parts(self, some: np.ndarray | slice, width: float) -> np.ndarray:
-        """Return (N,) numbers of parts: of one mesh, in one voxel of `width` metres, and alike in normals, for members `some`."""
-        columns = self.members.position, self.members.normal, self.level, self.within, self.mesh
-        place, normal, level, within, mesh = (column[some] for column in columns)
-        return _by_mesh(voxel_keys(place, normal, width, level, within), mesh)
-
     def merged(self, width: float) -> Clusters:
-        """Return the clusters with one member for all members in one part of this `width`, see `parts`."""
-        parts = 2 * self.parts(slice(None), width) + self.lit
+        """Return the clusters with one member for all of one mesh in one voxel of `width` metres that are alike in normals."""
+        keys = voxel_keys(self.members.position, self.members.normal, width, self.level, self.within)
+        parts = 2 * _by_mesh(keys, self.mesh) + self.lit
         kept, which = choose_sites(parts, self.members.position, self.area, 0.0, len(parts))
         columns = {name: getattr(self, name)[kept] for name in ("members", "keys", "mesh", "lit", "level")}
         area = np.bincount(which, self.area, len(kept))

@@ -36,7 +36,6 @@ _FIRST_SHARE = 0.6, 0.7
 _MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _CLOSE = 1 / 16  # of that width: closer members of a coarse level are one member
-_PART = 1 / 8  # of that width: closer members of a coarse level share a near site
 _PLACES = 31  # greatest number of eyes, and of lights and emitters, with fine cells around them
 _FREE = 100.0  # heights of a record's eye: least extent of the surroundings of a camera that is not in a wall
 _STEEP_PLACES = 512  # greatest number of lights and parts of emitters with fine cells around them
@@ -226,20 +225,16 @@ class SiteChooser:
         of them lost a third of its second bounce.
         """
         members, size = clusters.members, VOXEL * clusters.spacing
-        # a coarse level tests one of several close members: most members that are left lie within objects and see no site
-        parts = clusters.parts(left, _PART * size) if self.detail == COARSE else left
-        _, first, part = np.unique(parts, return_index=True, return_inverse=True)
-        some = left[first]
-        near = yield from in_background(partial(clustering.near_sites, members, some, gathered, size, _ALTERNATIVES))
-        found = np.full(len(some), -1)
+        near = yield from in_background(partial(clustering.near_sites, members, left, gathered, size, _ALTERNATIVES))
+        found = np.full(len(left), -1)
         for site in near.T:
             pending = np.flatnonzero((found < 0) & (site >= 0))
-            seen = yield from self.see(members, some[pending], gathered[site[pending]])
+            seen = yield from self.see(members, left[pending], gathered[site[pending]])
             found[pending[seen]] = site[pending[seen]]
         # the two sides of a small emitter are close, and only one side is bright
-        alike = (near >= 0) & (clusters.within[gathered[near]] == clusters.within[some][:, None])
+        alike = (near >= 0) & (clusters.within[gathered[near]] == clusters.within[left][:, None])
         nearest = near[np.arange(len(near)), alike.argmax(1)]
-        return np.where((found < 0) & alike.any(1), nearest, found)[part.ravel()]
+        return np.where((found < 0) & alike.any(1), nearest, found)
 
     def _cells(self, clusters: Clusters, site: np.ndarray) -> Steps[np.ndarray]:
         """Return SiteLayout.cells by the `site` (M,) of each member."""

@@ -176,18 +176,12 @@ def tessellate(
     counts = np.where(tiny, 1, (n + 1) * (n + 2) // 2) * (n > 0)
     begin, first = (np.cumsum(of) - of for of in (counts, n * n))
     face, face_of_cell = (np.repeat(np.arange(len(p)), of) for of in (counts, n * n))
-    position, normal = np.empty((2, len(face), 3), np.float32)
-    area = size[face]
-    middles = ((of[:, 0] + of[:, 1] + of[:, 2])[tiny] / np.float32(3.0) for of in (p, normals))
-    position[begin[tiny]], normal[begin[tiny]] = middles
-
+    weights, area = np.full((len(face), 3), 1.0 / 3.0, np.float32), size[face]
     large = np.flatnonzero(~tiny[face])
     of = face[large]
     i, j = _grid(large - begin[of], n[of])
-    weights = np.stack([n[of] - i - j, i, j], axis=1).astype(np.float32) / n[of][:, None].astype(np.float32)
-    lattice = (_inset(p[~tiny], inset), normals[~tiny])
-    number = (np.cumsum(~tiny) - 1)[of]
-    position[large], normal[large] = (np.einsum("pk,pkx->px", weights, corner[number]) for corner in lattice)
+    weights[large] = np.stack([n[of] - i - j, i, j], axis=1).astype(np.float32) / n[of][:, None].astype(np.float32)
+    position, normal = (np.einsum("pk,pkx->px", weights, corner[face]) for corner in (_inset(p, inset), normals))
     cells_at = np.array([6, 3, 1])[(i == 0).astype(np.intp) + (j == 0) + (i + j == n[of])]  # inside, on an edge, at a corner
     area[large] *= cells_at / (3.0 * n[of] ** 2)
 
