@@ -22,7 +22,7 @@ from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.records.weight import record_weight, view_radius
+from irrsplat.records.weight import bounded, record_weight
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
@@ -169,7 +169,7 @@ def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: 
     height, width = weight.shape
     p_k, n_k, a = site.position[0], site.normal[0], np.float32(settings.a)
     d = float(np.linalg.norm(p_k - np.asarray(camera.eye)))
-    r = float(view_radius(R, d, camera, (width, height), settings))
+    r = float(bounded(settings.a * R, camera.measure((width, height)) * d, settings))
     rows, columns = _box(p_k, r, camera, width, height)
     apart = seen.position[rows, columns] - p_k
     distance = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a)

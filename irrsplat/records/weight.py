@@ -68,17 +68,7 @@ def record_weight(
     return w
 
 
-def view_radius(
-    R: np.ndarray | float, distance: np.ndarray | float, camera: Camera, size: tuple[int, int], settings: Settings
-) -> np.ndarray:
-    """Return the radius a·R in metres, clamped to radius_min and radius_max of a view of `size` (width, height).
-
-    R: the record's own radius; distance: of the record from the eye; metres, of shapes that broadcast.
-    """
-    return bounded(settings.a * np.asarray(R), camera.measure(size) * np.asarray(distance), settings)
-
-
-def bounded(radii: np.ndarray, screen: np.ndarray, settings: Settings) -> np.ndarray:
+def bounded(radii: np.ndarray | float, screen: np.ndarray | float, settings: Settings) -> np.ndarray:
     """Return radii a·R in metres, clamped to radius_min and radius_max of an image that is `screen` metres high at the record.
 
     screen = 0: no bounds.
@@ -97,8 +87,8 @@ def reach(
     floor: the luminance floor of the records. shaders/records/view_radius.glsl has an equal formula.
     """
     radii = own_radii(columns, floor, settings)
-    distance = np.linalg.norm(columns["position"] - np.asarray(camera.eye), axis=1)
-    return view_radius(radii * columns["limit"][:, None], distance[:, None], camera, size, settings)
+    screen = camera.measure(size) * np.linalg.norm(columns["position"] - np.asarray(camera.eye), axis=1)
+    return bounded(settings.a * radii * columns["limit"][:, None], screen[:, None], settings)
 
 
 def weights(columns: Mapping[str, np.ndarray], radii: np.ndarray, p: np.ndarray, n: np.ndarray, settings: Settings) -> np.ndarray:

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from irrsplat.image.false_colours import Colour, legend_height, write_legend
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import tonemap
-from irrsplat.records.weight import view_radius
+from irrsplat.records.weight import bounded
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -106,7 +106,7 @@ def choose_record(frame: Frame, eye: Camera, settings: Settings) -> ShownRecord 
     z = np.maximum(apart @ eye.axes[2], 1e-30)  # along the view axis
     x, y = _on_screen(position, eye, (width, height)).T
     column, row = np.clip(x, 0, width - 1).astype(int), np.clip(y, 0, height - 1).astype(int)
-    r = view_radius(np.asarray(frame.records_radius, float), d, eye, (width, height), settings)
+    r = bounded(settings.a * np.asarray(frame.records_radius, float), eye.measure((width, height)) * d, settings)
     centred = np.clip(1.0 - np.hypot(2.0 * x / width - 1.0, 2.0 * y / height - 1.0), 0.0, 1.0)
     score = np.minimum(r / d, 0.3) * np.clip(np.einsum("ij,ij->i", apart, normal) / d, 0.0, 1.0) * centred
     score[np.abs(frame.depth[row, column] - z) > _HIDDEN * z] = 0.0
