@@ -24,8 +24,6 @@ from irrsplat.settings import Settings
 _FEW = 1 / 8  # share of new records below which a splat of all records costs more than old limits gain
 _SETTINGS = ("a", "adapt", "gradients", "weights")  # settings that limits depend on
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
-_COLUMNS = 64  # of the target: few records then fill whole blocks of pixels, which software renderers draw at once
-_HIGHEST = 4096  # rows of the target at most, if 64 columns lead to more: implementations of OpenGL limit textures to 8192
 _STRIP = 32768  # records per strip at most: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
 _WIDTH = 12  # of a strip, in spacings of the records, about: narrower strips need more draws, wider ones more comparisons
 
@@ -121,10 +119,8 @@ class RadiusLimitPass(Owner):
         by_all: compare with records of higher numbers, too.
         """
         size, places = cache.records.size, cache.positions
-        columns = max(_COLUMNS, size[0] * size[1] // _HIGHEST)
-        shape = columns, size[0] * size[1] // columns
-        found = self._made.get("found", shape, lambda: Target(self.ctx, shape, (1,)))
-        targets = self._made.get("targets", shape, lambda: float_texture(self.ctx, shape, 1))
+        found = self._made.get("found", size, lambda: Target(self.ctx, size, (1,)))
+        targets = self._made.get("targets", size, lambda: float_texture(self.ctx, size, 1))
         others = self._made.get("others", size, lambda: float_texture(self.ctx, size))
         extents = np.ptp(places, axis=0)
         axes = along, across = extents.argsort()[:0:-1].tolist()
@@ -138,7 +134,7 @@ class RadiusLimitPass(Owner):
             self.programs[settings.gradients](
                 found,
                 state=DrawState(blend="min") if begin else DrawState(),
-                scissor=(0, 0, columns, -(-len(order) // columns)),
+                scissor=(0, 0, size[0], -(-len(order) // size[0])),
                 **cache.records.uniforms,
                 **record_uniforms(settings),
                 adapt=settings.adapt,

@@ -70,12 +70,6 @@ class SurfaceCache(Owner):
         return self.refinements < MAX_LEVEL
 
     @property
-    def starts_coarse(self) -> bool:
-        """True if ticks make a coarse level first."""
-        detail = self.level.detail
-        return detail.points * detail.rays > COARSE.points * COARSE.rays
-
-    @property
     def is_coarse(self) -> bool:
         """True while lookups find coarse values."""
         return self.in_use is self._coarse
@@ -152,7 +146,7 @@ class SurfaceCache(Owner):
         with self.timers("surface"):
             level = self.level
             made, changed = level, level.follow(shadows, budget)
-            if changed is None and budget.limited and self._outdated and self.starts_coarse:
+            if changed is None and budget.limited and self._outdated:
                 self._coarse = self._coarse or SiteLevel(self.world, level.settings, COARSE)
                 made = level if self._coarse.complete else self._coarse
             if made is self.in_use is self._coarse:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.core.buffers import Records
-from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.timers import Timers
 from irrsplat.records import adaptive_radius
 from irrsplat.records.adaptive_radius import AdaptiveRadius, RadiusLimitPass, _strips
@@ -200,22 +197,6 @@ def test_few_records_are_compared_in_halls_and_in_corridors(length: float, reach
         compared += int((np.searchsorted(z, met + reach) - np.searchsorted(z, met - reach)).sum())
     near = np.count_nonzero((np.abs(places[:, None] - asking) < reach).all(2))
     assert near > 20_000 and compared < 2 * near
-
-
-def test_the_greatest_cache_fits_into_textures_of_8192_rows(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A target of 64 columns would have 65 536 rows for textures of 4 million records, the most of `max_records`."""
-    made = Made(ctx, 90)
-    expected = made.limits(BASE)[:90]
-    monkeypatch.setattr(Records, "size", property(lambda records: (TABLE_COLUMNS, 4096)))
-    sizes, texture = [], ctx.texture
-
-    def noted(size: tuple[int, int], *rest: Any, **more: Any) -> moderngl.Texture:
-        sizes.append(size)
-        return texture(size, *rest, **more)
-
-    monkeypatch.setattr(ctx, "texture", noted)
-    assert np.array_equal(made.limits(BASE)[:90], expected)
-    assert sizes and max(map(max, sizes)) <= 8192
 
 
 def test_turned_off_and_on_again() -> None:

@@ -124,8 +124,7 @@ class RecordGatherer(Owner):
     @property
     def _without_tree(self) -> bool:
         """True if ticks gather without the tree for now: coarse light does not wait for the search of virtual point lights."""
-        surface = self.surface
-        coarse = surface is not None and surface.starts_coarse and (self.awaits_light or self.provisional)
+        coarse = self.surface is not None and (self.awaits_light or self.provisional)
         return self.basis.kind == "embree" and coarse and self._needs_tree and not self.world.has_tree
 
     def light(self, shadows: ShadowMaps) -> HitLight:
