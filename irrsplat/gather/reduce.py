@@ -56,14 +56,13 @@ class ReducePass(Owner):
         across, down = min(atlas.count, atlas.columns), -(-atlas.count // atlas.columns)
         used = (0, 0, across * per_cell[0], down * per_cell[1])
         mapped = sky_defines(sky)["SKY_MAP"]
-        looks: Uniforms = {"rays": atlas.rays or atlas.table} if mapped else {}
-        if atlas.sky_share is not None:
-            looks["sky_share"] = atlas.sky_share
+        looks: Uniforms = {} if atlas.sky_share is None else {"sky_share": atlas.sky_share}
         self.blocks[mapped, int(atlas.sky_share is not None)](
             target,
             scissor=used,
             radiance=atlas.radiance,
             table=atlas.table,
+            rays=atlas.rays or atlas.table,
             planes=atlas.planes,
             edges=atlas.edges,
             frames=atlas.frames,

@@ -58,8 +58,8 @@ class TraceGather(Gather):
     surface cache. hits: True if the pass also outputs hit points and the values of the surface cache at the hits, for the
     methods `hits` and `met`. places: number of eye positions of a record, see Gather.places. light_samples: shadow rays to
     emitters per record. survey: True for a pass without shadow rays, whose hits select the site of greatest weight; it uses the
-    program of the gather with `hits`. Raises InputError for more triangles than the GPU's textures hold, and if embreex is
-    required and missing.
+    program of the gather with `hits`. rays: (4, R) the directions of a record's rays in its frame, and cosθ·dω. Raises InputError
+    for more triangles than the GPU's textures hold, and if embreex is required and missing.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class TraceGather(Gather):
         atlas = self._empty_atlas(self.target, columns, stratum_edges(side))
         self.atlas = replace(atlas, rays=self.own(table_texture(ctx, directions, varying=True)))
         self.first_hits = self.own(FirstHits(world, rays, cell, places, capacity)) if embree else None
-        self._rays = np.stack([*rays.T, table[..., 3].ravel()])
+        self.rays = np.stack([*rays.T, table[..., 3].ravel()])
         resolves_close = surface and not hits and places == 1 and len(rays) > LEAST
         self._close_light = self.own(float_texture(ctx, (uneven(capacity), 1), 2)) if resolves_close else None
         # a surface cache has so many sites that the noise of each averages out
@@ -141,7 +141,7 @@ class TraceGather(Gather):
         close = None
         if self._close_light is not None:
             rotations, planes = sites.frame_rotations(numbers), self._read(1, count)
-            found = self._close_hits()(light, rows, sites, rotations, planes, self._rays, hits, seed)
+            found = self._close_hits()(light, rows, sites, rotations, planes, self.rays, hits, seed)
             self._close_light.write(found.tobytes(), viewport=(0, 0, count, 1))
             close = {**(light.surface or {}), "close_light": self._close_light}
         return replace(atlas, count=count, light_samples=samples, sky_share=sky_share, close_light=close)

@@ -108,12 +108,12 @@ class SiteRays(Owner):
         assert origins.frame_rotation is not None
         frames = tangent_frames(origins.normal, origins.frame_rotation, self.settings.seed)
         upward = np.einsum("nij,nj->ni", frames, origins.geometric.astype(float)).reshape(-1, gather.places, 3)
-        table, place_of = gather.table.reshape(-1, 4), places_of_texels(gather.cell, gather.places)
-        share = np.empty((len(upward), len(table)))
+        rays, place_of = gather.rays.T, places_of_texels(gather.cell, gather.places)
+        share = np.empty((len(upward), len(rays)))
         for place in range(gather.places):
             texels = place_of == place
-            below = upward[:, place] @ table[texels, :3].T <= 0.0
-            share[:, texels] = np.where(below, 0.0, table[texels, 3])
+            below = upward[:, place] @ rays[texels, :3].T <= 0.0
+            share[:, texels] = np.where(below, 0.0, rays[texels, 3])
         return share, *gather.hits(len(upward))
 
     def direct_light(self, sites: SurfaceSites, shadows: ShadowMaps) -> np.ndarray:

@@ -10,9 +10,7 @@ uniform sampler2D radiance;  // the atlas: rgb radiance, W/(m² sr); a distance,
 uniform sampler2D planes;    // the atlas: plane of the hit; dot(xyz, ω) is 1/distance in the unit direction ω, metres⁻¹ (0: no
                              // hit); w: -1 on the inner side of a closed mesh, else the pair of close_hits.glsl
 uniform sampler2D table;     // one cell: mean direction of the texel in the record's frame, cosθ·dω
-#if SKY_MAP
 uniform sampler2D rays;      // one cell: direction of the texel's ray in the record's frame, cosθ·dω
-#endif
 #if SKY_SHARE
 uniform sampler2D sky_share;  // the atlas: visible share of the sky per texel; without this texture, it is 1 if the ray hits nothing
 #endif
@@ -61,6 +59,13 @@ void read_eye(int eye, out mat3 frame, out vec3 g, out SkyFrame axes)
     axes = sky_frame(frame);
 }
 
+// Return 1 if the ray of a texel lies above the horizon of the surface, else 0. A ray below it hits the surface itself, which may
+// be far brighter than its surroundings, although the mean direction of the stratum lies above.
+float above_horizon(ivec2 texel, vec3 g)
+{
+    return dot(texel_at(rays, texel).xyz, g) > 0.0 ? 1.0 : 0.0;
+}
+
 void main()
 {
     ivec2 first = ivec2(gl_FragCoord.xy) * block;
@@ -92,7 +97,7 @@ void main()
             vec4 direction = texel_at(table, ivec2(x, y)), L = incident_radiance(corner, ivec2(x, y), direction, axes);
             vec4 plane = texel_at(planes, corner + ivec2(x, y));
 #endif
-            float above = dot(direction.xyz, g) > 0.0 ? 1.0 : 0.0;  // 0: below the horizon of the surface
+            float above = above_horizon(ivec2(x, y), g);
             direction.w *= above;
             out_sums += direction.w * vec4(L.rgb, L.a);
             vec2 close = unpack_pair(max(plane.w, 0.0)) * vec2(dot(L.rgb, LUMINANCE), 1.0 / PI);
@@ -116,7 +121,7 @@ void main()
                 vec3 w = normalize(direction.xyz + neighbour.xyz), w_world = frame * w;
                 // 1/r of the nearer plane at the edge (METHOD.md, 4.3): at grazing angles unlike 1/r at the texel's centre
                 float nearer = max(dot(plane.xyz, w_world), dot(plane_b.xyz, w_world));
-                nearer = above * clamp(nearer, 0.0, max(L.a, L_b.a));
+                nearer = above * above_horizon(b, g) * clamp(nearer, 0.0, max(L.a, L_b.a));
                 G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);
                 float difference = direction.w * dot(L_b.rgb - L.rgb, LUMINANCE);
                 squares += difference * difference;

@@ -253,6 +253,16 @@ def test_directions_below_the_geometric_surface_count_as_nothing(ctx: moderngl.C
     assert np.allclose(found.E, np.pi * 0.75, rtol=0.02)
 
 
+@pytest.mark.parametrize("kind", WHOLE)
+def test_a_lit_floor_does_not_light_itself(ctx: moderngl.Context, kind: str) -> None:
+    """A floor alone has no indirect light where its shading normals lean, as on a coarse curved mesh. Rays below the horizon meet
+    the floor itself, also where the mean direction of their stratum lies above."""
+    slope = np.radians(np.arange(1.0, 15.0))
+    leaning = np.stack([np.sin(slope), np.cos(slope), 0.0 * slope], axis=1)
+    lit = scene(floor(paint=material(0.9)), lights=(point_light((0.0, 1.0, 0.0), 10.0),))
+    assert not gather(ctx, lit, sites(np.zeros((len(slope), 3)), leaning, geometric=UP), 32, kind).E.any()
+
+
 @pytest.mark.parametrize("shines", [0.0, 1.0])
 @pytest.mark.parametrize("kind", WHOLE)
 def test_the_dark_within_a_closed_mesh_is_known_for_it(ctx: moderngl.Context, kind: str, shines: float) -> None:

@@ -107,7 +107,7 @@ def reduced(
         outward = np.einsum("hwk,nkj->nhwj", w, frame)
         near = np.maximum((planes * outward).sum(-1), (planes[:, row, column] * outward).sum(-1))
         near = np.clip(near, 0.0, np.maximum(inverse, inverse[:, row, column]))
-        change = above[..., None] * (L[:, row, column] - L)
+        change = (above & above[:, row, column])[..., None] * (L[:, row, column] - L)
         gradient += np.einsum("nhw,nhwc,hwk->nck", near, change, edge[..., :3])
         outer = np.einsum("nhw,hwk,hwl->nkl", 4.0 * near**2 * (change @ LUMINANCE), edge[..., :2], w[..., :2])
         hessian += (outer + outer.swapaxes(1, 2)) / 2.0
