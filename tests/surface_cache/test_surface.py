@@ -274,7 +274,9 @@ def clusters(world: World, detail: Detail) -> Clusters:
     chooser = SiteChooser(world.scene, world.caster.reach, detail, world.eyes)
     grading = Budget(None).advance(chooser.grading())
     assert grading is not None
-    return chooser.clusters(grading)
+    made = Budget(None).advance(chooser.clusters(grading))
+    assert made is not None
+    return made
 
 
 def test_steps_are_short_along_a_long_strip_light(ctx: moderngl.Context) -> None:
