@@ -23,17 +23,17 @@ class Transport:
 
     def __init__(self, sites: int, rays: int) -> None:
         self.known = np.zeros(sites, bool)
-        self._columns = np.zeros((sites, rays), np.intp)
+        self._columns = np.full((sites, rays), -1)  # -1: a ray without a hit, whose value is 0
         self._values = np.zeros((3, sites, rays), np.float32)
 
     def fill(self, rows: np.ndarray, share: np.ndarray, site: np.ndarray, albedo: np.ndarray) -> None:
         """Fill `rows` (N,) by the hits of their R rays, possibly fewer than the most; a hit that receives E sends out ρ/π·E.
 
-        share: (N, R) cosθ·dω of each ray, 0 below the surface. site: (N, R) number of the site that lights the hit. albedo:
-        (N, R, 3) reflectance at the hit.
+        share: (N, R) cosθ·dω of each ray, 0 below the surface. site: (N, R) number of the site that lights the hit, -1 without
+        one. albedo: (N, R, 3) reflectance at the hit, 0 without a site.
         """
         rays = site.shape[1]
-        self._columns[rows, :rays] = np.maximum(site, 0)
+        self._columns[rows, :rays], self._columns[rows, rays:] = site, -1
         part = share / np.pi
         for values, reflectance in zip(self._values, np.moveaxis(albedo, -1, 0), strict=True):
             values[rows, :rays] = part * reflectance
@@ -50,11 +50,11 @@ class Transport:
         for values, times, more in zip(self._values, factor, added, strict=True):
             values *= times[self._columns]
             if more.any():
-                values += more[self._columns]
+                values += np.append(more, np.float32(0.0))[self._columns]
 
     def received(self, radiance: np.ndarray) -> np.ndarray:
         """Return (S, 3) the irradiance at sites by the `radiance` (S, 3) of the sites that light the hits of their rays."""
-        return np.pi * np.stack([light[self._columns].mean(1) for light in radiance.T.copy()], axis=1)
+        return np.pi * np.stack([np.append(light, 0.0)[self._columns].mean(1) for light in radiance.T], axis=1)
 
     def __call__(self, E: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return F·E of E (S, 3): one more bounce; (N, 3) for the given `rows`."""
@@ -65,7 +65,7 @@ class Transport:
     def backward(self, importance: np.ndarray) -> np.ndarray:
         """Return (S,) Fᵀ·importance, the mean of all channels: how much each site contributes to sites of this importance."""
         weights = self._values.mean(0) * importance[:, None]
-        return np.bincount(self._columns.ravel(), weights.ravel(), minlength=len(importance))
+        return np.bincount(self._columns.ravel() + 1, weights.ravel(), minlength=len(importance) + 1)[1:]
 
 
 @dataclass(frozen=True, eq=False)

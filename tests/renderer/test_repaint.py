@@ -138,9 +138,9 @@ def test_the_same_paint_again_makes_nothing_stale(ctx: moderngl.Context) -> None
     with Renderer(world(), SIZE, ctx=ctx, **FAST) as renderer:
         renderer.render()
         renderer.repaint("box", renderer.scene.meshes[-1].material)
-        assert not len(renderer.cache.stale)
+        assert not renderer.cache.waiting
         renderer.repaint("box", RED)
-        assert len(renderer.cache.stale) == renderer.cache.count > 0, "each keeps its place and what it holds"
+        assert renderer.cache.waiting == renderer.cache.count > 0, "each keeps its place and what it holds"
 
 
 def test_what_cannot_change_in_place_is_refused_and_changes_nothing(ctx: moderngl.Context) -> None:

@@ -28,14 +28,15 @@ class Basis:
     """Scene and settings of the cache's records, and changes that the records do not follow yet.
 
     kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed, and the affected records are not
-    selected yet. from_file: the statistics
-    `bounces` of records from a file, until their surface cache is made.
+    selected yet. relit: True if lights or materials have changed since the surface cache was of the present light. from_file: the
+    statistics `bounces` of records from a file, until their surface cache is made.
     """
 
     scene: Scene
     settings: Settings
     kind: str
     moved: bool = False
+    relit: bool = False
     from_file: Mapping[str, object] | None = None
 
     @cached_property

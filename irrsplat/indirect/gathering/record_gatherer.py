@@ -185,7 +185,7 @@ class RecordGatherer(Owner):
         if change.dimming is not None:
             cache.dim(change.dimming)
         elif change:
-            new = replace(new, moved=True, from_file=None)
+            new = replace(new, moved=True, relit=old.relit or change.changes_light, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings, change)
@@ -254,7 +254,7 @@ class RecordGatherer(Owner):
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         # the full level, with virtual lights, waits while coarse values are of the present light
         waits = budget.limited and coarse and surface.in_use.complete and (self._without_tree or first_records)
-        relit, change = surface.relit, None if waits else surface.advance(shadows, part)
+        change = None if waits else surface.advance(shadows, part)
         if change is not None and basis.from_file is None:
             if first:
                 cache.invalidate()
@@ -262,12 +262,13 @@ class RecordGatherer(Owner):
                 adopt_probes(cache)
                 cache.column("due")[:] += change
                 self.basis = replace(self.basis, moved=True)
-            if before is not None and (not surface.in_use.complete or (relit and not (coarse or followed))):
+            follows = surface.relit and not surface.in_use.complete
+            if before is not None and (follows or (basis.relit and surface.current and not followed)):
                 scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
             if surface.level.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(cache.column("gather_size") == SIDE))
         if change is not None:
-            self.basis = replace(self.basis, from_file=None)
+            self.basis = replace(self.basis, relit=self.basis.relit and not surface.current, from_file=None)
         # coarse values of light before and after a change are older than the light that probes find
         current = surface.current or (change is not None and surface.in_use.follower is not None)
         ready = surface.result is not None and current

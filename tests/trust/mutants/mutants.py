@@ -52,7 +52,7 @@ tests/gather/test_reduce.py::test_reduction_equals_numpy
     Hessian's axis of the greater eigenvalue: mean < 0.0 ? mean «+ half_gap : mean - → - half_gap : mean +» half_gap
     record written beside its texel: vec2 texel = vec2(i % size.x « → + 1», i / size.x) + 0.5;
 tests/gather/test_analytic.py::test_directions_below_the_geometric_surface_count_as_nothing
-    directions below the surface counted: dot(direction.xyz, g) > «0.0 → -2.0» ? 1.0 : 0.0
+    directions below the surface counted: dot(texel_at(rays, texel).xyz, g) > «0.0 → -2.0» ? 1.0 : 0.0
 tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane
     π left out of what a ray brings: vec3 L = outgoing_radiance(material, « → PI *» E);
     π left out of what a texel brings: vec4(outgoing_radiance(material, « → PI *» E), max(length(to_hit), …));

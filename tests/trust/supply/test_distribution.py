@@ -35,7 +35,7 @@ NEEDS = {  # extra: Python that fails without it
 }
 WINDOWS = ("win32", "AMD64", ("win_amd64",))  # requirement markers, and the tags of its wheels
 MAC = ("darwin", "arm64", tuple(f"macosx_{version}_0_arm64" for version in (11, 12, 13, 14)))
-GUARDED = ("irrsplat/core/files.py", "irrsplat/renderer/memory.py")  # files with fallbacks
+GUARDED = ("irrsplat/core/files.py", "irrsplat/renderer/memory.py", "app/viewer/ui/imgui_backend.py")  # files with fallbacks
 # Assumptions that fail on other systems, in installed code: a pattern, a description, and the files with a fallback.
 ASSUMPTIONS = (
     (r"[\"'](?:/tmp|/usr|/home|/var|/proc|/etc)\b", "a path of Unix", GUARDED),
