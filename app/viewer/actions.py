@@ -201,9 +201,14 @@ class Actions:
             editor.hide(mesh)
             self.say(f"{object_name(editor.scene, mesh)} is hidden; Ctrl+Z shows it again", topic="pick")
         elif light is not None:
-            name = light_name(editor.scene.lights[light], light)
-            self.announce(f"deleting {name}…", lambda: editor.delete_light(light))
-            self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
+            one, name = editor.scene.lights[light], light_name(editor.scene.lights[light], light)
+
+            def work() -> None:
+                if one in editor.scene.lights:  # a second request may have come before the work
+                    editor.delete_light(editor.scene.lights.index(one))
+                    self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
+
+            self.announce(f"deleting {name}…", work)
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 

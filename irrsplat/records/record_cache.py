@@ -51,8 +51,8 @@ _ON_GPU = [name for name, column in record_layout.COLUMNS.items() if column.sour
 class RecordCache(Owner):
     """Irradiance records in the order of their creation: content on the GPU, places on the CPU as well.
 
-    A record's number may change when earlier records are dropped; its id does not. A change of light or geometry makes records
-    stale: they keep their content until they are refreshed.
+    A record's number may change when earlier records are dropped; its id does not. A change of the gather, or of
+    their light, makes records stale: they keep their content until they are refreshed.
 
     Methods prepare a change first and assign it last, so that Ctrl-C leaves the cache either unchanged or fully changed.
     """

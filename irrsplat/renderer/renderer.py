@@ -277,7 +277,8 @@ class Renderer(Tenant):
     def repaint(self, mesh: int | str, material: Material) -> None:
         """Apply another material to a mesh (its index in scene.meshes, or its name): other colours or another emission.
 
-        All records are gathered again in place, and keep their values until then. An emissive mesh becomes an area light.
+        Probes correct the records, and those that change by more than 2 % are gathered again in place. An emissive mesh becomes
+        an area light.
         Raises InputError for an unknown mesh, and for a material with other textures, transmission or faces: load such a scene
         anew.
         """

@@ -194,13 +194,13 @@ class SiteLevel(Owner):
         self._making = self._making or self._solution()
         try:
             made = budget.advance(self._making)
-        except BaseException:  # a generator that was interrupted is over
+            if made is None:
+                return False
+            assert self.sites is not None
+            self._use(self.sites, made)
+        except BaseException:  # a generator that was interrupted, or has returned, is over
             self._making = None
             raise
-        if made is None:
-            return False
-        assert self.sites is not None
-        self._use(self.sites, made)
         if self._mixed:
             self._mixed = False
             self._forget_transport()

@@ -62,16 +62,16 @@ def error(found: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
 def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounces: Any) -> None:
     """Under changed lights, records converge to those of a fresh cache at equal sites.
 
-    Lights move: one bounce is equal bit for bit. Further bounces are coarse first, and records with a difference above 2 %
-    are gathered again. One of three lights, under a sky and next to an emissive wall, changes its colour, goes out and on
-    again.
+    Lights move: one bounce is equal bit for bit. Further bounces are coarse first. Only records with a difference above 2 % are
+    gathered again, so that the mean difference is below half of it. One of three lights, under a sky and next to an emissive wall,
+    changes its colour, goes out and on again.
     """
     with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:
         renderer.render()
         renderer.relight((OTHER, coloured(LIGHT, 1.0, 0.4, 0.1)))
         assert ticks(renderer, 0.01)[-1].done
         found, truth = renderer.cache.records.read(*HELD), gathered_afresh(renderer)
-        assert error(found, truth) < 0.005
+        assert error(found, truth) < 0.01
         assert bounces != 1 or all(np.array_equal(found[name], truth[name]) for name in HELD)
     world = lit_by(LIGHT, OTHER, THIRD, glow=(0.5, 0.2, 0.1), sky=0.2)
     with Renderer(world, SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:
@@ -80,7 +80,7 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
             renderer.relight([LIGHT, coloured(OTHER, *factor), THIRD])
             assert ticks(renderer, 10.0)[-1].done
             found, truth = renderer.cache.records.read(*HELD), gathered_afresh(renderer)
-            assert error(found, truth) < 0.005
+            assert error(found, truth) < 0.01
             assert bounces != 1 or all(np.array_equal(found[name], truth[name]) for name in HELD)
 
 
@@ -150,7 +150,6 @@ def test_light_that_changes_little_needs_no_coarse_values_and_few_refreshed_reco
             done, renewed = progress.done, renewed + progress.renewed
             assert not renderer.scheduler.gatherer.provisional
             errors.append(np.sqrt(np.mean((view.read().irradiance - reference) ** 2)) / reference.mean())
-        print(len(errors), errors[0], max(errors), errors[-1], renewed, renderer.cache.count)
         assert max(errors) < 0.03 and renewed < 0.8 * renderer.cache.count
 
 

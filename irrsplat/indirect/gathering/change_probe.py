@@ -103,8 +103,9 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
     rows[:, :3] = E
     rows[:, 4:13] = (scale[:, :, None] * x[:, 4:13].reshape(-1, 3, 3) + added).reshape(-1, 9)
     rows[:, 13:] = np.repeat(scale, 3, axis=1) * x[:, 13:]
-    probe = cache.column("probe")
+    probe, drift = cache.column("probe"), cache.column("drift")
     probe[:] = np.where(probe[:, 3:4] > 0.0, probe + rows - x, 0.0)
+    drift[:] = np.minimum(drift + change(x, rows, cache.luminance_floor), 1.0)
     _set_columns(cache, numbers, rows, radii)
 
 

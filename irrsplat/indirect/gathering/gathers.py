@@ -14,7 +14,6 @@ from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.record_frame import FEW_RAYS
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Workshop
-from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
@@ -94,12 +93,10 @@ class Gathers(Owner):
         """Return the pass that reduces hemisphere samples to records' values. gradients: M and ∇E as well."""
         return self._made.get(f"reduction {gradients}", (), lambda: ReducePass(self.ctx, gradients))
 
-    def measure(
-        self, gather: Gather, light: HitLight, sites: Sites, settings: Settings, gradients: bool, timers: Timers | None = None
-    ) -> RecordCache:
-        """Return records at `sites` outside the cache. The next call removes them. timers: see `gather_records`."""
+    def measure(self, gather: Gather, light: HitLight, sites: Sites, settings: Settings, gradients: bool) -> RecordCache:
+        """Return records at `sites` outside the cache. The next call removes them."""
         records = self._made.get("records", (), lambda: RecordCache(self.ctx))
         records.truncate(0)
         numbers = records.append(sites) + np.arange(len(sites))
-        gather_records(gather, self.reduction(gradients), light, records, numbers, settings.seed, timers)
+        gather_records(gather, self.reduction(gradients), light, records, numbers, settings.seed)
         return records

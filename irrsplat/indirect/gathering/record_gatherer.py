@@ -199,8 +199,10 @@ class RecordGatherer(Owner):
             cache.invalidate()
             new = replace(new, from_file=None)
         elif switched or (change.changes_light and change.dimming is None):
-            new = replace(new, moved=new.moved or switched)
+            new = replace(new, moved=True)
             cache.column("due")[:] += 1.0
+            if settings.gather_size >= _NEAR_EXACT or new.kind == "plane":  # probes are coarser than these gathers
+                cache.invalidate(np.arange(cache.count))
         self.basis = new
         return kept
 
@@ -346,7 +348,7 @@ class RecordGatherer(Owner):
 
     @property
     def provisional(self) -> bool:
-        """True while coarse values of the surface cache light the records: all are gathered again with the full level."""
+        """True while coarse values of the surface cache light the records: new ones are gathered again with the full level."""
         surface = self.surface_now
         return surface is not None and surface.is_coarse
 
@@ -371,7 +373,7 @@ class RecordGatherer(Owner):
 
     @property
     def has_pending_changes(self) -> bool:
-        """True if all records will be stale once pending changes are applied."""
+        """True if any record may be stale once pending changes are applied."""
         return self.basis.moved or (self.basis.from_file is None and self.surface_share < 1.0)
 
     def resume_with(self, bounces: Mapping[str, object]) -> None:
