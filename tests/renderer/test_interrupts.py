@@ -122,7 +122,7 @@ def test_a_gather_that_fails_leaves_no_record_without_values(ctx: moderngl.Conte
 
 @pytest.mark.few_sites
 def test_an_interrupted_upload_of_the_surface_cache_is_made_again(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The bounces are summed by then: a solution that has ended must not stand for one that goes on."""
+    """The bounces are summed by then: a solution that has ended must not stand for an unfinished one."""
     write, calls = SurfaceSites.write, list[int]()
 
     def interrupted(sites: SurfaceSites, E: np.ndarray) -> None:

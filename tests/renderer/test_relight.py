@@ -63,7 +63,7 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
     """Under changed lights, records converge to those of a fresh cache at equal sites.
 
     Lights move: one bounce is equal bit for bit. Further bounces are coarse first. Only records with a difference above 2 % are
-    gathered again, so that the mean difference is below half of it. One of three lights, under a sky and next to an emissive wall,
+    gathered again, so that the mean difference is below half of it. One of three lights, under a sky and by an emissive wall,
     changes its colour, goes out and on again.
     """
     with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:

@@ -84,8 +84,9 @@ def apply_probes(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, rad
     return np.asarray(numbers[drift[numbers] > MAX_DRIFT])
 
 
-def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> None:
-    """Let all records follow the surface cache at their places, (N, 3) W/m² `before` and `after`.
+def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> np.ndarray:
+    """Let all records follow the surface cache at their places, (N, 3) W/m² `before` and `after`. Return the numbers of the
+    records that have changed too much.
 
     A record holds its former ratio to the surface cache, which resolves near surfaces less. Its probe follows, too, so that the
     next probe corrects the estimate. Light changes by the ratio of means over near records: values that follow a light are noisy
@@ -107,6 +108,7 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
     probe[:] = np.where(probe[:, 3:4] > 0.0, probe + rows - x, 0.0)
     drift[:] = np.minimum(drift + change(x, rows, cache.luminance_floor), 1.0)
     _set_columns(cache, numbers, rows, radii)
+    return np.flatnonzero(drift > MAX_DRIFT)
 
 
 def _around(cache: RecordCache, values: np.ndarray) -> np.ndarray:

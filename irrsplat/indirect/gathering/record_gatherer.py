@@ -266,7 +266,7 @@ class RecordGatherer(Owner):
                 self.basis = replace(self.basis, moved=True)
             follows = surface.relit and not surface.in_use.complete
             if before is not None and (follows or (basis.relit and surface.current and not followed)):
-                scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
+                cache.invalidate(scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii))
             if surface.level.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(cache.column("gather_size") == SIDE))
         if change is not None:
