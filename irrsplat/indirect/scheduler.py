@@ -63,8 +63,8 @@ class RecordScheduler(Owner):
     def apply(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None) -> SceneChange:
         """Apply other settings and another state of the scene. Return the change of the scene.
 
-        Affected records become stale. Records close to a place that a mesh has left or reached are removed. shadows: of the
-        former scene, None if none are drawn.
+        Records that a change may affect wait for probes, which find the stale ones. Records close to a place that a mesh has left
+        or reached are removed. shadows: of the former scene, None if none are drawn.
         """
         change = SceneChange.between(self.gatherer.basis.scene, scene)
         bounces, limited = self.settings.most_bounces, self.adaptation.is_current(settings)

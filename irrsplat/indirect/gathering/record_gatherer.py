@@ -264,8 +264,8 @@ class RecordGatherer(Owner):
                 adopt_probes(cache)
                 cache.column("due")[:] += change
                 self.basis = replace(self.basis, moved=True)
-            follows = surface.relit and not surface.in_use.complete
-            if before is not None and (follows or (basis.relit and surface.current and not followed)):
+            unfinished = surface.relit and not surface.in_use.complete
+            if before is not None and (unfinished or (basis.relit and surface.current and not followed)):
                 cache.invalidate(scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii))
             if surface.level.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(cache.column("gather_size") == SIDE))
