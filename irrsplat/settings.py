@@ -82,6 +82,8 @@ class Declaration:
 
     def check(self, value: object) -> Value:
         """Return `value` in the type of this setting. Raises InputError for another type, and for a value out of range."""
+        if getattr(value, "ndim", None) == 0:  # a number of NumPy, whose bool is none of Python's
+            value = value.item()  # type: ignore[attr-defined]
         if isinstance(value, str):
             if self.word and value == self.word:
                 return value

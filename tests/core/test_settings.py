@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import get_type_hints
 
+import numpy as np
 import pytest
 
 from irrsplat.core.errors import InputError
@@ -22,7 +23,7 @@ def test_the_tables_of_the_reference_are_current() -> None:
 
 @pytest.mark.parametrize("declaration", SETTINGS.values(), ids=SETTINGS)
 def test_defaults_are_legal_and_ranges_hold(declaration: Declaration) -> None:
-    assert declaration.check(declaration.default) == declaration.default
+    assert declaration.check(declaration.default) == declaration.check(np.array(declaration.default)[()]) == declaration.default
     assert declaration.help
     if declaration.low is not None and declaration.high is not None:
         for value in (declaration.low, declaration.high):
