@@ -62,6 +62,14 @@ class Parser(argparse.ArgumentParser):
         spellings = (word, word.partition("=")[0], word[:2] if word[1] != "-" else word)
         return any(flag in self._option_string_actions for flag in spellings)
 
+    def _match_argument(self, action: argparse.Action, pattern: str) -> int:
+        try:
+            return super()._match_argument(action, pattern)
+        except argparse.ArgumentError as error:
+            if isinstance(action.nargs, int) and isinstance(action.metavar, tuple):
+                raise argparse.ArgumentError(action, f"{error.message}, {' '.join(action.metavar)}") from None
+            raise
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is None or value in action.choices:
             return

@@ -37,6 +37,7 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         (["render", "plain.scene"], "-o/--output"),
         ([*RENDER, "--crease-angle", "181"], "crease_angle lies between 0 and 180 degrees, not 181"),
         ([*RENDER, "--size", "0", "4"], "'0'"),
+        ([*RENDER, "--size", "64x48"], "--size: expected 2 arguments, W H; see irrsplat render --help"),
         ([*RENDER, "--a", "nan"], "0.01..2"),
         ([*RENDER, "--gather", "photons"], "--gather takes auto|"),
         ([*RENDER, "--fill-holes=maybe"], "on|off"),
