@@ -75,6 +75,10 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         how = meter.gatherer.bounces(meter.settings)
     if (missing := bounces_notice(how)) is not None:
         say(f"notice: {missing}")
+    low, high = scene.bounds
+    outside = ((readings.position < low) | (readings.position > high)).any(axis=1) & ~readings.total.any(axis=1)
+    if outside.any():
+        say(f"notice: {outside.sum()} of {len(points)} points get no light, and lie outside of the scene: {_box(low, high)}")
     summary = readings.summary(unit)
     shape = None if grid is None else [grid.columns, grid.rows]
     stats = {"scene": scene.name, "grid": shape, **summary, **how, "preset": args.preset, "settings": vars(meter.settings)}
@@ -88,6 +92,10 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         (say if args.output == _STDOUT else out)(text)
     outputs.raise_failures()
     return 0
+
+
+def _box(low: np.ndarray, high: np.ndarray) -> str:
+    return ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True)) + " m"
 
 
 def _plane(values: list[float]) -> Plane:
