@@ -39,9 +39,10 @@ _LIGHT_SAMPLES = 1024  # per point by default: a window's light then has an erro
 _FINEST = 128  # side of a gather from which the surface cache has its finest level, which takes about three times as long
 _EYES = 8  # greatest number of points around which the surface cache has the finest cells
 _AT_ONCE = 512  # points between two reports of progress
+_PREPARED, _LEVEL = 0.1, 0.3  # shares of the first call's progress: before the surface cache has finer levels, and for each level
 _OWN = 4e-7  # of the greatest coordinate or diagonal: the resolution of float32, within which a point lies on a surface
 
-OnPoints = Callable[[float], None]  # called with the finished share of the points, 0..1
+OnShare = Callable[[float], None]  # called with the finished share of the work, 0..1
 
 
 class LightMeter(Tenant):
@@ -66,7 +67,7 @@ class LightMeter(Tenant):
             self.gatherer = self.own(RecordGatherer(self.world, self.settings, self.cache, self.lit.timers, measuring=True))
         self._direct: SiteLightPass | None = None
 
-    def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
+    def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnShare | None = None) -> Readings:
         """Return the readings of sensors at `points` (N, 3), metres, facing along `normals` (N, 3) or (3,), of any length.
 
         A result depends on other points through its point's number, which selects the directions of its rays. It also depends a
@@ -74,11 +75,14 @@ class LightMeter(Tenant):
         Raises InputError for arrays of other shapes and non-finite numbers; IrrsplatError for a non-finite reading.
         """
         check_callback("on_progress", on_progress)
+        report: OnShare = on_progress or (lambda share: None)
         places, sites = _sites(points, normals, self._origin)
         self._use()
         count = len(sites)
         direct, indirect, radius = (np.zeros(shape, np.float32) for shape in ((count, 3), (count, 3), count))
-        lights, shadows = self._prepared(sites), self.lit.shadows
+        first_call, lights, shadows = self._direct is None, self._prepared(sites, report), self.lit.shadows
+        finer = self.gatherer.surface.refinements if first_call and self.gatherer.surface is not None else 0
+        start = _PREPARED + _LEVEL * finer if finer else 0.0  # most of the first call's time passes before the first point
         greatest = float(np.abs(self.scene.bounds + np.asarray(self._origin)).max())
         offset, own = offset_of(self.scene), _OWN * max(self.scene.diagonal, greatest)
         lift = np.full(count, offset)  # metres, of a ray origin above its point: at most half the way to the first surface
@@ -91,8 +95,7 @@ class LightMeter(Tenant):
             if self.settings.most_bounces:
                 lower = (lift[some] - offset)[:, None] * here.normal  # the gather adds the offset
                 indirect[some], radius[some] = self._gathered(shadows, replace(here, position=here.position + lower))
-            if on_progress is not None:
-                on_progress(min(first + _AT_ONCE, count) / count)
+            report(start + (1.0 - start) * min((first + _AT_ONCE) / count, 1.0))
         status = np.full(count, Status.OK)
         if self.settings.most_bounces:
             status[radius < touching_distance(self.scene)] = Status.BEHIND
@@ -102,7 +105,7 @@ class LightMeter(Tenant):
         check_finite("the light", measured, lambda at: "{:g} {:g} {:g}".format(*places[at[0]]))
         return Readings(places, sites.normal, direct, indirect, status)
 
-    def _prepared(self, sites: Sites) -> SiteLightPass:
+    def _prepared(self, sites: Sites, report: OnShare) -> SiteLightPass:
         """Return the pass of direct light; at first use, make the surface cache, its finest level for a fine gather.
 
         sites: the first ones to be measured.
@@ -115,6 +118,7 @@ class LightMeter(Tenant):
                 self.gatherer.prepare(shadows, Budget(None))
                 surface = self.gatherer.surface
                 while surface is not None and surface.may_refine and self.settings.gather_size >= _FINEST:
+                    report(_PREPARED + _LEVEL * surface.refinements)
                     surface.refine(shadows, Budget(None))
             defines = {**light_defines(self.scene), "ANYWHERE": 1}
             caster = shadow_caster(self.world, self.settings)
