@@ -48,23 +48,18 @@ def pixel_of(camera: Camera, size: tuple[int, int], point: tuple[float, float, f
 
 
 COLDEST, HOTTEST = 1700.0, 12_000.0  # kelvin: the range of the slider
-# CIE chromaticity of a black body (Kim et al. 2002, "Design of advanced color temperature control system for HDTV applications"):
-# polynomials for x in 1000/T, and for y in x
-_X_BELOW_4000, _X_ABOVE = (-0.2661239, -0.2343589, 0.8776956, 0.179910), (-3.0258469, 2.1070379, 0.2226347, 0.240390)
-_Y_BELOW_2222 = (-1.1063814, -1.34811020, 2.18555832, -0.20219683)
-_Y_BELOW_4000 = (-0.9549476, -1.37418593, 2.09137015, -0.16748867)
-_Y_ABOVE = (3.0817580, -5.87338670, 3.75112997, -0.37001483)
 
 
 def blackbody(kelvin: float | np.ndarray) -> np.ndarray:
     """Return (..., 3) the linear Rec. 709 colours of black bodies, with luminance 1.
 
+    The chromaticities are Krystek's ("An algorithm to calculate correlated colour temperature", 1985), for 1000 to 15 000 K.
     Below about 1900 K the colour is outside of the Rec. 709 gamut. Its negative components then become 0.
     """
-    T, inverse = np.asarray(kelvin, float), 1000.0 / np.asarray(kelvin, float)
-    x = np.where(T <= 4000.0, np.polyval(_X_BELOW_4000, inverse), np.polyval(_X_ABOVE, inverse))
-    warm = np.where(T <= 2222.0, np.polyval(_Y_BELOW_2222, x), np.polyval(_Y_BELOW_4000, x))
-    return of_chromaticity(x, np.where(T <= 4000.0, warm, np.polyval(_Y_ABOVE, x)))
+    T = np.asarray(kelvin, float)
+    u = (0.860117757 + 1.54118254e-4 * T + 1.28641212e-7 * T**2) / (1.0 + 8.42420235e-4 * T + 7.08145163e-7 * T**2)
+    v = (0.317398726 + 4.22806245e-5 * T + 4.20481691e-8 * T**2) / (1.0 - 2.89741816e-5 * T + 1.61456053e-7 * T**2)
+    return of_chromaticity(3.0 * u / (2.0 * u - 8.0 * v + 4.0), 2.0 * v / (2.0 * u - 8.0 * v + 4.0))
 
 
 _BLACKBODIES = blackbody(np.arange(COLDEST, HOTTEST + 1.0))  # (N, 3) the colours of all whole kelvins of the slider

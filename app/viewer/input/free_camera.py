@@ -6,17 +6,16 @@ import math
 
 import numpy as np
 
-from irrsplat.core.vectors import vector
+from irrsplat.core.vectors import unit, vector
 from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Camera
-from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
 
 PITCH = math.radians(89.0)  # radians: the steepest pitch of a turn, up and down
 STALL = 0.25  # seconds: the longest time step that counts, so that the camera does not leap through a wall after a stall
 FAR = 1e3  # scene diagonals: the greatest distance from the first camera
 NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
 STEPS = 200.0  # the most steps of a wheel in one call; more steps would overflow
-POLE = 1e-6  # radians from the world's up: nearer to it, a view's heading is computed from its right instead of its forward
+POLE = 1e-6  # radians from the world's up: nearer to it, a view's own right gives its heading
 FPS = 30.0  # frames a second of a path
 KEY_EVERY = 0.2  # seconds between the keys of a recorded path
 
@@ -38,7 +37,7 @@ class FreeCamera:
         self.camera = self.first = camera
         self.speed = diagonal / 6.0
         self._diagonal = diagonal
-        self._world = upright_axes(up)  # rows east, up and south
+        self._up = unit(np.asarray(up, float)[None])[0]
 
     def move(self, right: float, up: float, ahead: float, seconds: float, pace: float = 1.0) -> None:
         """Fly for `seconds` (at most STALL count) by keys, each -1..1. pace: a factor on the speed.
@@ -46,7 +45,7 @@ class FreeCamera:
         right and ahead are directions of the view; up is the world's up. Two keys together are no faster than one.
         """
         axes, keys = self.camera.axes, np.clip([right, up, ahead], -1.0, 1.0)
-        way = keys @ np.stack([axes[0], self._world[1], -axes[2]])
+        way = keys @ np.stack([axes[0], self._up, -axes[2]])
         way = way / max(1.0, float(np.linalg.norm(way)))
         self._stand(self.camera.eye + way * (self.speed * pace * min(max(seconds, 0.0), STALL)))
 
@@ -73,17 +72,23 @@ class FreeCamera:
         place on the screen.
         """
         before, about = self.camera.axes, None if pivot is None else np.asarray(pivot, float)
-        yaw, now = _angles(before, self._world)
+        side = np.cross(self._up, before[2])
+        side = unit((side if np.linalg.norm(side) > POLE else before[0])[None])[0]  # the view's right without roll
+        behind = np.cross(side, self._up)
+        now = math.atan2(-before[2] @ self._up, before[2] @ behind)
         pitch = min(max(now - down, -PITCH), PITCH)
         if not math.isfinite(right + down) or (right == 0.0 and (down == 0.0 or abs(pitch - now) < POLE)):
             return
-        axes, eye = _axes(yaw + right, pitch, self._world), np.asarray(self.camera.eye)
+        level = math.cos(right) * behind - math.sin(right) * side
+        back = math.cos(pitch) * level - math.sin(pitch) * self._up
+        side = np.cross(self._up, level)
+        axes, eye = np.stack([side, np.cross(back, side), back]), np.asarray(self.camera.eye)
         # the pivot keeps its view space position: axes' (about - eye') = axes (about - eye)
         self._stand(eye if about is None else about - (before @ (about - eye)) @ axes, axes, about)
 
     def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> None:
         """Put the camera at `eye`, if this place is allowed, with `axes` (None: unchanged). Its target is as far as `about`."""
-        camera, up = self.camera, self.camera.up if axes is None else vector(self._world[1])
+        camera, up = self.camera, self.camera.up if axes is None else vector(self._up)
         if not np.isfinite(eye).all() or (axes is None and np.array_equal(eye, camera.eye)):
             return
         if math.dist(eye, self.first.eye) > max(FAR * self._diagonal, math.dist(camera.eye, self.first.eye)):
@@ -94,31 +99,6 @@ class FreeCamera:
         # far from the origin, the target must differ from the eye by enough digits to give the view's direction
         reach = max(min(max(reach, NEAR * self._diagonal), FAR * self._diagonal), 1e-7 * float(np.abs(eye).max()))
         self.camera = Camera(vector(eye), vector(eye - back * reach), up, camera.fov)
-
-
-def _axes(yaw: float, pitch: float, world: np.ndarray) -> np.ndarray:
-    """Return (3, 3) rows: right, up and backward of a view without roll.
-
-    yaw: radians to the right of north. pitch: radians above the horizon.
-    """
-    (sin_y, cos_y), (sin_p, cos_p) = ((math.sin(a), math.cos(a)) for a in (yaw, pitch))
-    right = np.array([cos_y, 0.0, sin_y])
-    backward = np.array([-cos_p * sin_y, -sin_p, cos_p * cos_y])
-    rows: np.ndarray = np.stack([right, np.cross(backward, right), backward]) @ world
-    return rows
-
-
-def _angles(axes: np.ndarray, world: np.ndarray) -> tuple[float, float]:
-    """Return yaw and pitch in radians of a view by its axes: the inverse of `_axes`.
-
-    If the view points straight up or down, the yaw results from its right axis.
-    """
-    east, up, south = world @ -axes[2]
-    level = math.hypot(east, south)
-    if level < POLE:
-        right_east, _, right_south = world @ axes[0]
-        return math.atan2(right_south, right_east), math.atan2(up, level)
-    return math.atan2(east, -south), math.atan2(up, level)
 
 
 class PathRecorder:
