@@ -30,6 +30,7 @@ from irrsplat.core.files import make_folder, write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.camera_path import path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, scene_file, write_scene
+from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
 _FINEST = 0.05  # % of estimated error: the least aim of refinement by the menu
@@ -56,6 +57,8 @@ class Actions:
         # calls work that takes seconds, once a frame has shown the words
         self.announce: Callable[[str, Callable[[], object]], object] = lambda words, work: work()
         preferences.opened(source)
+        self.changed = False  # True if another program has changed the file of the scene
+        self._seen = state_of(self.file)
 
     def press(self, command: Command) -> None:
         """Run an action of the table, if it can run. Errors and missing extras become messages."""
@@ -116,6 +119,11 @@ class Actions:
         return Path(self.saved_as).stem if self.saved_as else self.name
 
     @property
+    def file(self) -> str:
+        """The file of the scene on show, or the name of a bundled scene."""
+        return self.saved_as or self.source
+
+    @property
     def name(self) -> str:
         """The name of the opened scene; the name of its folder if the file has the common name "scene"."""
         name = self.session.scene.name
@@ -126,24 +134,18 @@ class Actions:
         setattr(options, name, on)
         options.controls |= on and name in SECTIONS
 
-    def split(self) -> None:
-        """Show two presets, or one picture again."""
-        self._compare(lambda: self.session.split(not self.session.options.split))
+    def compare(self, alone: bool = False) -> None:
+        """Show two presets side by side, or one picture again. alone: True to show one side alone, at the next call the other."""
+        session, options = self.session, self.session.options
 
-    def flip(self) -> None:
-        """Show one side alone, and change to the other side at each call. A single picture is first split."""
-        self._compare(self._flip)
+        def change() -> None:
+            if not (alone and options.split):
+                session.split(alone or not options.split)
+            if alone:
+                options.side = 0 if options.divider == 0.0 else 1
+                options.divider = float(1 - options.side)
 
-    def _flip(self) -> None:
-        options = self.session.options
-        if not options.split:
-            self.session.split(True)
-        options.side = 0 if options.divider == 0.0 else 1
-        options.divider = float(1 - options.side)
-
-    def _compare(self, change: Callable[[], object]) -> None:
-        """Call `change`, which needs a second renderer, after an announcement if there is only one."""
-        if len(self.session.renderers) == 1:
+        if len(session.renderers) == 1:  # the second one takes seconds
             self.announce("preparing the second preset…", change)
         else:
             change()
@@ -160,7 +162,11 @@ class Actions:
         self.say(self.session.tracing.toggle(self.session.subject), topic="reference")
 
     def collect(self) -> None:
-        """Update all background work: dialog, film and reference. Measure the plane if it is shown."""
+        """Update all background work: dialog, film and reference. Measure the plane if it is shown. Notice a changed file."""
+        state = state_of(self.file) if os.path.isfile(self.file) else None
+        if state not in (None, self._seen):
+            self._seen, self.changed = state, True
+            self.say(f"{os.path.basename(self.file)} has changed on disk; F5 opens it again", topic="file")
         self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
@@ -240,6 +246,7 @@ class Actions:
         lost = write_scene(self.session.scene.placed(self.session.origin), path)
         self.editor.saved = self.editor.scene
         self.saved_as, self._saved = str(path), _states(path)
+        self._seen, self.changed = state_of(path), False
         self.preferences.opened(str(path))
         self.say(f"{path} is written, with {parts_folder(path).name}")
         if lost:
@@ -331,19 +338,26 @@ class Actions:
         """Show the scene at `source`, once unsaved changes are saved or discarded."""
         self._unless_unsaved(lambda: self._open(source))
 
-    def _open(self, source: str) -> None:
-        check_path(source)
-        self.announce(f"opening {os.path.basename(source)}…", lambda: self._show_scene(source))
+    def reload(self) -> None:
+        """Open the file of the scene again at the present camera, once unsaved changes are saved or discarded."""
+        self._unless_unsaved(lambda: self._open(self.file, self.session.camera.shifted(self.session.origin)))
 
-    def _show_scene(self, source: str) -> None:
-        scene, former = irrsplat.load(source, **vars(self.loading)), self.session.notices
-        self.session.open(scene)
+    def _open(self, source: str, camera: Camera | None = None) -> None:
+        check_path(source)
+        self.announce(f"opening {os.path.basename(source)}…", lambda: self._show_scene(source, camera))
+
+    def _show_scene(self, source: str, camera: Camera | None) -> None:
+        seen, former = state_of(source), self.session.notices
+        self.session.open(irrsplat.load(source, **vars(self.loading)), camera)
         trim()
         self.editor = Editor(self.session)
         self.messages.close_errors(former)
         for notice in self.session.notices:
             self.say(notice)
-        self.source, self.saved_as = source, ""
+        if source != self.saved_as:
+            self.source, self.saved_as = source, ""
+        self._seen, self.changed = seen, False
+        self.messages.drop("file")
         self.preferences.opened(source)
 
 

@@ -64,9 +64,7 @@ class Session(Owner):
         self.renderers: list[Renderer] = []  # of the left side, and of the right side too if there is no second one
         self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
         self._last = _Tick()
-        self._begin(scene, [(preset, values or {})])
-        if camera is not None:
-            self.free_camera.camera = camera.shifted(np.negative(self.origin))
+        self._begin(scene, [(preset, values or {})], camera)
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (*self.renderers, self.tracing, self.plane)
@@ -253,12 +251,12 @@ class Session(Owner):
         self.size = size
         self._last = _Tick()
 
-    def open(self, scene: Scene) -> None:
-        """Show another scene with the present settings, from its own first camera."""
-        self._begin(scene, [(r.preset, overrides(r.preset, r.settings)) for r in self.renderers])
+    def open(self, scene: Scene, camera: Camera | None = None) -> None:
+        """Show another scene with the present settings, from a camera in world space, or from its own first camera."""
+        self._begin(scene, [(r.preset, overrides(r.preset, r.settings)) for r in self.renderers], camera)
 
-    def _begin(self, scene: Scene, sides: Sequence[tuple[str, SettingValues]]) -> None:
-        """Show another scene from its first camera. sides: preset and settings of each renderer."""
+    def _begin(self, scene: Scene, sides: Sequence[tuple[str, SettingValues]], camera: Camera | None) -> None:
+        """Show another scene. sides: preset and settings of each renderer. camera: in world space, None for the scene's first."""
         scene = scene.recentred
         origin, scene = scene.origin, scene.local
         made: list[Renderer] = []
@@ -273,6 +271,8 @@ class Session(Owner):
             renderer.release()
         self.renderers, self.scene, self.origin = made, scene, origin
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
+        if camera is not None:
+            self.free_camera.camera = camera.shifted(np.negative(origin))
         self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
         self.auto_exposure, self.plane.height = AutoExposure(), usual_height(scene)
         self._last = _Tick()

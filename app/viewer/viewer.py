@@ -41,6 +41,7 @@ _AWAKE = 1.0  # seconds after an event in which frames continue: tooltips come l
 _LOOK = 0.5  # seconds between two checks for changes without an event, such as a traced reference
 _LEAST = 0.2  # the least share of the frame budget for the core, however slow all other work is
 _DARK = 2.0  # seconds: the longest wait for the indirect light of a new scene, since direct light alone may be almost black
+_LARGE = 2.5e6  # pixels of a first picture that is announced: a software renderer takes a second for it
 _WORK = "work"  # the topic of announcements
 _SMOOTHING = 0.3  # weight of the last frame in the running mean of the time of all other work
 
@@ -142,6 +143,14 @@ class Viewer(Owner):
         if work is not None:
             self.actions.attempt(work)
 
+    def show_words(self, words: str) -> None:
+        """Draw a frame with these words and without a picture, before work that takes seconds."""
+        self.actions.say(words, topic=_WORK)
+        self.pass_interface()  # a new message has no size in its first pass
+        self.draw_window(_INSTANT)
+        self.wnd.swap_buffers()
+        self.actions.messages.drop(_WORK)
+
     def _take_events(self) -> bool:
         """Handle the waiting events. Events after a new size or scene wait for its first picture, or for announced work.
 
@@ -198,6 +207,9 @@ class Viewer(Owner):
         event in flight shows at once, since the tick after it gathers no records. hurried: True if such an event came before it.
         """
         session, start = self.session, now()
+        slow = session.renderers[0].about["software"] and math.prod(session.size) > _LARGE
+        if slow and not session.views and not self.wnd.headless:
+            self.show_words("drawing the picture…")
         budget, dt = session.renderers[0].settings.budget / 1e3, max(self._unspent, 0.0)
         self._quick, self._unspent, first = 0, 0.0, not session.views
         self.controls.fly(dt)
@@ -373,11 +385,7 @@ def run(
         wnd.fbo.clear(*GREY[0])
         wnd.swap_buffers()
         viewer = Viewer(wnd, scene, source, preferences, camera, preset, values, loading)
-        viewer.announce(f"preparing {viewer.actions.title}…", lambda: None)
-        viewer.pass_interface()  # a new message has no size in its first pass
-        viewer.draw_window(_INSTANT)
-        wnd.swap_buffers()
-        viewer.do_work()
+        viewer.show_words(f"preparing {viewer.actions.title}…")
         for notice in notices:
             viewer.actions.say(notice)
         came: list[int] = []

@@ -49,6 +49,7 @@ _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  #
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
     Command("File", "Open…", "open_file", "O", ctrl=True, help="a scene"),
+    Command("File", "Reload", "reload", "F5", help="the scene's file, for example after another program has changed it"),
     Command("File", "Save", "save_again", "S", ctrl=True, section=True),
     Command("File", "Save as…", "save_as", "S", ctrl=True, shift=True),
     Command("File", "Save picture", "screenshot", "F12", help="write a PNG to the pictures folder", section=True),
@@ -82,8 +83,8 @@ _RENDER = (
     Command("Render", "Clear cache", "clear"),
 )
 _COMPARE = (
-    Command("Compare", "Two presets", "split", "TAB", help="side by side; press again for one picture"),
-    Command("Compare", "Other side", "flip", "SPACE", help="show one side alone, then the other"),
+    Command("Compare", "Two presets", "compare", "TAB", help="side by side; press again for one picture"),
+    Command("Compare", "Other side", "compare", "SPACE", True, help="show one side alone, then the other"),
     Command("Compare", "Path-trace the reference", "trace", "Y", help="press again to stop", extra="reference", section=True),
 )
 _WINDOW = (

@@ -178,6 +178,8 @@ class Interface:
             if progress.full:
                 imgui.text_colored(AMBER, "max_records is reached")
         done = session.at_rest and session.progress
+        if actions.changed:
+            imgui.text_colored(AMBER, "changed on disk (F5)")
         if session.options.frozen:
             imgui.text_colored(AMBER, "cache frozen")
         if session.path_recorder.recording is not None:

@@ -107,7 +107,7 @@ def show(driver: Driver, draw: Draw) -> None:
     if on:
         session.change(1, **QUICK)
     if on and draw.random() < 0.5:
-        driver.actions.flip()
+        driver.actions.compare(alone=True)
 
 
 # actions and their weights

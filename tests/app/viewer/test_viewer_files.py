@@ -57,6 +57,17 @@ def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: 
     assert driver.session.scene.name == "room"
 
 
+def test_a_file_that_another_program_has_changed_is_opened_again_at_the_present_camera(driver: Driver, room: Path) -> None:
+    driver.session.free_camera.turn(0.2, 0.0)
+    camera, lights = driver.session.camera, len(driver.session.scene.lights)
+    room.write_text(ROOM + "light lamp.light\n")
+    driver.frame()
+    assert driver.said.endswith("has changed on disk; F5 opens it again") and driver.actions.changed
+    push(driver, "F5")
+    assert len(driver.session.scene.lights) == lights + 1 and driver.session.camera == camera
+    assert not driver.said and not driver.actions.changed
+
+
 def test_nonsense_is_refused_and_nothing_changes(driver: Driver, tmp_path: Path) -> None:
     before, camera = driver.canvas(), driver.session.camera
     for name in ("a.scene", "a.xyz", "a.path", "a.glb", "missing.scene", "."):

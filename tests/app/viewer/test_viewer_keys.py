@@ -15,7 +15,7 @@ from tests.support.viewing import Cases, Driver, push
 
 pytestmark = pytest.mark.few_sites
 BUFFERS_BY_KEY = GROUPS["View/Buffer"]
-OTHER = "I", "Y", "Home", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
+OTHER = "I", "Y", "F5", "Home", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
 LISTED = [name for name in GROUPS if name != "Edit"]  # those are in tests/app/editing
 CASES = Cases(*LISTED, elsewhere=OTHER)
 case = CASES.case
