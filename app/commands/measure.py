@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
     axes = ("X0", "Y0", "Z0", "UX", "UY", "UZ", "VX", "VY", "VZ")
     words = "a corner and two edges u and v in metres; measured from the side of u × v"
     where.add_argument("--plane", nargs=9, type=flags.number, metavar=axes, help=words)
-    words = "a horizontal plane, M metres above the lowest point of the scene, over its whole extent; measured from above"
+    words = "a horizontal plane, M metres above the lowest point, over the scene without a wide ground; measured from above"
     where.add_argument("--height", type=flags.number, metavar="M", help=words)
     words = "points along a line, including both ends; metres"
     where.add_argument("--line", nargs=6, type=flags.number, metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"), help=words)

@@ -50,6 +50,8 @@ class Session(Owner):
     Raises the errors of Renderer. A later failure changes nothing.
     """
 
+    extent: float  # metres: the diagonal of the scene's near bounds
+
     def __init__(
         self,
         ctx: moderngl.Context,
@@ -270,7 +272,8 @@ class Session(Owner):
         for renderer in self.renderers:
             renderer.release()
         self.renderers, self.scene, self.origin = made, scene, origin
-        self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
+        self.extent = float(np.linalg.norm(np.ptp(scene.near_bounds, axis=0))) or 1.0
+        self.free_camera = FreeCamera(scene.camera(), self.extent, scene.up)
         if camera is not None:
             self.free_camera.camera = camera.shifted(np.negative(origin))
         self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None

@@ -87,7 +87,7 @@ def usual_spacing(d: float) -> float:
 
 
 def horizontal(scene: Scene, height: float) -> Plane:
-    """Return the level plane `height` metres above the scene's lowest point, over its bounding box, measured from above.
+    """Return the level plane `height` metres above the scene's lowest point, over its near bounds, measured from above.
 
     Raises InputError for a box without horizontal extent.
     """
@@ -96,8 +96,9 @@ def horizontal(scene: Scene, height: float) -> Plane:
     first = first - up * (first @ up)
     first /= np.linalg.norm(first)
     axes = np.stack([first, np.cross(up, first), up])
-    along = scene.corners @ axes.T
+    along = np.array(np.meshgrid(*scene.near_bounds.T)).reshape(3, -1).T @ axes.T
     low, extent = along.min(0), np.ptp(along, axis=0)
+    low[2] = (scene.corners @ up).min()
     if not extent[:2].min() > 1e-9 * extent.max():
         raise InputError("the scene has no horizontal extent, so there is no level plane to measure")
     corner = vector((low + np.array([0.0, 0.0, height])) @ axes)

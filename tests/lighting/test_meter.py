@@ -194,7 +194,10 @@ def test_the_spacing_of_the_standard() -> None:
 
 @pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (0.0, 0.6, 0.8)])
 def test_a_level_plane_lies_above_the_lowest_point(up: tuple[float, float, float]) -> None:
+    """A ground that is much wider than the rest counts for its height only: the plane is that of the scene without it."""
     scene = worlds.scene(worlds.box((-1, -2, -3), (4, 5, 6)))
+    ground = worlds.scene(*scene.meshes, worlds.quad((-90.0, -3.0, 90.0), (180.0, 0, 0), (0, 0, -180.0)))
+    assert (ground.near_bounds == scene.bounds).all() and horizontal(ground, 1.0) == horizontal(scene, 0.0)
     plane = horizontal(Scene(scene.meshes, (), scene.cameras, up=up), 0.8)
     assert np.allclose(plane.normal, up)
     assert np.array(plane.corner) @ np.array(up) == pytest.approx((scene.corners @ np.array(up)).min() + 0.8)

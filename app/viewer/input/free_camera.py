@@ -12,8 +12,8 @@ from irrsplat.scene.model import Camera
 
 PITCH = math.radians(89.0)  # radians: the steepest pitch of a turn, up and down
 STALL = 0.25  # seconds: the longest time step that counts, so that the camera does not leap through a wall after a stall
-FAR = 1e3  # scene diagonals: the greatest distance from the first camera
-NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
+FAR = 1e3  # extents of the scene: the greatest distance from the first camera
+NEAR = 1e-3  # extents of the scene: the least distance to a pivot and to the target
 STEPS = 200.0  # the most steps of a wheel in one call; more steps would overflow
 POLE = 1e-6  # radians from the world's up: nearer to it, a view's own right gives its heading
 FPS = 30.0  # frames a second of a path
@@ -24,19 +24,19 @@ class FreeCamera:
     """A camera that flies, turns and orbits. It always stays valid. Without a motion, `camera` stays one object.
 
     Lengths are in metres; world space is right-handed. Arguments that are not finite are ignored, and so are moves beyond FAR
-    diagonals from the first camera. A roll stays until the first turn. camera: the present camera, which any other may replace;
+    extents from the first camera. A roll stays until the first turn. camera: the present camera, which any other may replace;
     its target lies straight ahead, at the distance of the last pivot. first: the camera to which `home` returns. speed: metres
     per second.
     """
 
-    def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float]) -> None:
+    def __init__(self, camera: Camera, extent: float, up: tuple[float, float, float]) -> None:
         """Start at `camera`.
 
-        diagonal: the scene's diagonal in metres, > 0, which scales the speed. up: the world's up.
+        extent: the scene's in metres, > 0, which scales the speed. up: the world's up.
         """
         self.camera = self.first = camera
-        self.speed = diagonal / 6.0
-        self._diagonal = diagonal
+        self.speed = extent / 6.0
+        self._extent = extent
         self._up = unit(np.asarray(up, float)[None])[0]
 
     def move(self, right: float, up: float, ahead: float, seconds: float, pace: float = 1.0) -> None:
@@ -52,10 +52,10 @@ class FreeCamera:
     def dolly(self, steps: float, pivot: tuple[float, float, float] | None = None) -> None:
         """Move towards `pivot` (None: the target), or away from it if `steps` is negative. Each step leaves 9/10 of the distance.
 
-        The least distance is NEAR diagonals. n steps towards the pivot and n steps back cancel. The view does not turn.
+        The least distance is NEAR extents. n steps towards the pivot and n steps back cancel. The view does not turn.
         """
         about = np.asarray(self.camera.target if pivot is None else pivot, float)
-        offset, least = self.camera.eye - about, NEAR * self._diagonal
+        offset, least = self.camera.eye - about, NEAR * self._extent
         distance = float(np.linalg.norm(offset))
         if steps == 0.0 or (steps > 0.0 and distance <= least):
             return
@@ -91,13 +91,13 @@ class FreeCamera:
         camera, up = self.camera, self.camera.up if axes is None else vector(self._up)
         if not np.isfinite(eye).all() or (axes is None and np.array_equal(eye, camera.eye)):
             return
-        if math.dist(eye, self.first.eye) > max(FAR * self._diagonal, math.dist(camera.eye, self.first.eye)):
+        if math.dist(eye, self.first.eye) > max(FAR * self._extent, math.dist(camera.eye, self.first.eye)):
             return
         back = (camera.axes if axes is None else axes)[2]
         depth = 0.0 if about is None else float(back @ (eye - about))
         reach = depth if depth > 0.0 else math.dist(camera.eye, camera.target)
         # far from the origin, the target must differ from the eye by enough digits to give the view's direction
-        reach = max(min(max(reach, NEAR * self._diagonal), FAR * self._diagonal), 1e-7 * float(np.abs(eye).max()))
+        reach = max(min(max(reach, NEAR * self._extent), FAR * self._extent), 1e-7 * float(np.abs(eye).max()))
         self.camera = Camera(vector(eye), vector(eye - back * reach), up, camera.fov)
 
 

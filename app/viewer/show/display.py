@@ -76,7 +76,7 @@ class Display(Owner):
             self.markers.plane(canvas, view, measured)
         if options.discs and self.shows_scene:
             most = _DISCS if renderer.about["software"] else renderer.cache.count
-            if not self.markers.discs(canvas, view, renderer.cache, renderer.settings, renderer.scene, side, most):
+            if not self.markers.discs(canvas, view, renderer.cache, renderer.settings, self.session.extent, side, most):
                 self.complete, self._partial = False, self._partial + 1
 
     def _inspect(self, screen: Target, cursor: tuple[int, int]) -> InspectedRecord | None:

@@ -19,7 +19,6 @@ from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, view_radius_uniforms
-from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
 _OVER = DrawState(blend="over", depth_clamp=True)
@@ -29,7 +28,7 @@ _WIDTH = 1.75  # pixels: half the width of a line
 _SEGMENTS = 24  # the most straight pieces of a disc: at a radius of 80 pixels their error is 0.7 pixels
 _TINT = (0.1, 0.85, 1.0)  # display colour of the pixels to which the inspected record contributes
 _OPACITY = 0.8  # opacity of the measuring plane
-_SPAN = 0.01, 0.5  # share of a·diagonal: the radii at the ends of the colour scale
+_SPAN = 0.01, 0.5  # share of a·extent: the radii at the ends of the colour scale
 
 
 class _Layer(Owner):
@@ -56,17 +55,18 @@ class Markers(Owner):
         self._layers = self.own(Workshop())
 
     def discs(
-        self, canvas: Canvas, view: View, cache: RecordCache, settings: Settings, scene: Scene, side: int, most: int
+        self, canvas: Canvas, view: View, cache: RecordCache, settings: Settings, extent: float, side: int, most: int
     ) -> bool:
         """Draw every record as an ellipse of radii a·R in this view, in its tangent plane, coloured by its radius a·R_k.
 
-        most: the greatest number of discs that a call adds to those of the last call. Return True if all records have one.
+        extent: the scene's, in metres, for the colours. most: the greatest number of discs that a call adds to those of the last
+        call. Return True if all records have one.
         """
         target = canvas.target
         layer = self._layers.get(f"side {side}", target.size, lambda: _Layer(self.ctx, target.size))
         layer.begin((Identity(view.gbuffer), Identity(cache), settings, canvas.region), cache)
         numbers = reaching(cache, layer.count, view.camera, view.gbuffer.position.size, settings)
-        chosen, (low, high) = numbers[:most].astype("i4"), np.log(radius_range(settings, scene))
+        chosen, (low, high) = numbers[:most].astype("i4"), np.log(radius_range(settings, extent))
         if len(chosen):
             uniforms = {"size": target.size, "span": (low, 1.0 / (high - low)), "width": _WIDTH, "segments": _SEGMENTS}
             uniforms |= {**self._of_records(target, view, cache.records, settings), "colours": self.programs.colours}
@@ -120,11 +120,11 @@ class Markers(Owner):
         self._draw(program, canvas, uniforms, np.array([number], "i4"))
 
 
-def radius_legend(settings: Settings, scene: Scene) -> Legend:
-    low, high = radius_range(settings, scene)
+def radius_legend(settings: Settings, extent: float) -> Legend:
+    low, high = radius_range(settings, extent)
     return Legend("radius a·R_k before the view limits it, logarithmic", f"{low:.2g}", f"{high:.2g}", "m", colour_map())
 
 
-def radius_range(settings: Settings, scene: Scene) -> tuple[float, float]:
-    """Return the radii a·R_k in metres at the ends of the colour scale of records."""
-    return _SPAN[0] * settings.a * scene.diagonal, _SPAN[1] * settings.a * scene.diagonal
+def radius_range(settings: Settings, extent: float) -> tuple[float, float]:
+    """Return the radii a·R_k in metres at the ends of the colour scale of records, for a scene of this extent."""
+    return _SPAN[0] * settings.a * extent, _SPAN[1] * settings.a * extent

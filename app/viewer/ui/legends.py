@@ -55,7 +55,7 @@ def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> No
     imgui.text(who + buffer.title + preset)
     legends = [buffer.legend(source)]
     if options.discs:
-        legends.append(radius_legend(source.renderer.settings, source.renderer.scene))
+        legends.append(radius_legend(source.renderer.settings, actions.session.extent))
     for legend in legends:
         fits = imgui.calc_text_size(legend.text, wrap_width=room).y <= _DOWN * layout.picture_size[1]
         draw_scale(legend if fits else replace(legend, text=""), layout.scale, room)

@@ -17,6 +17,8 @@ from irrsplat.scene.model.lights import Light
 from irrsplat.scene.model.surfaces import Material, Mesh
 from irrsplat.sky.environment import Environment
 
+_DISTANT = 5.0  # from this ratio of sizes on, a room stands on a ground whose extent is of no interest
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -144,6 +146,12 @@ class Scene:
         rest = box(np.concatenate([*boxes.values()]))
         apart = bool(((rest[0] >= high) | (rest[1] <= low)).any())
         return rest if ground.form == "flat" or (ground.form == "convex" and apart) else self.bounds
+
+    @cached_property
+    def near_bounds(self) -> np.ndarray:
+        """(2, 3) float64, world space: `shaded_bounds` without a ground that is _DISTANT times as large, else `bounds`."""
+        near = self.shaded_bounds
+        return near if _DISTANT * float(np.linalg.norm(near[1] - near[0])) < self.diagonal else self.bounds
 
     @property
     def corners(self) -> np.ndarray:

@@ -40,7 +40,8 @@ class Stage:
     def discs(self, records: RecordCache, settings: Settings = FREE, most: int = 9) -> tuple[np.ndarray, np.ndarray]:
         """Return the picture and the mask of the discs of records."""
         clear(self.target, GROUND)
-        self.markers.discs(Canvas(self.target, self.programs), self.view, records, settings, self.renderer.scene, 0, most)
+        canvas, extent = Canvas(self.target, self.programs), self.renderer.scene.diagonal
+        self.markers.discs(canvas, self.view, records, settings, extent, 0, most)
         picture = self.target.read()[..., :3]
         return picture, (picture != np.array(GROUND, "f4")).any(-1)
 
@@ -129,6 +130,6 @@ def test_a_disc_is_the_circle_of_its_radius(
     assert distance_to(at, lit).max() < 2.3 + 0.5  # half a line's width, half a pixel's diagonal, and straight pieces
     x, y = np.floor(at).astype(int).T
     assert np.any([lit[y + i, x + j] for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0).all()
-    low, high = radius_range(settings, world.renderer.scene)
+    low, high = radius_range(settings, world.renderer.scene.diagonal)
     colour = viridis(np.array(np.log(settings.a * R / low) / np.log(high / low)))
     assert np.abs(picture[lit] - colour).max(-1).min() < 0.02, "the middle of the line has the colour of a·R"
