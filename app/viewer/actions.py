@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import datetime
 from importlib.util import find_spec
 from math import dist
@@ -43,6 +43,8 @@ class Actions:
     loading: the options for reading scenes. native: True if the desktop's dialogs may open.
     """
 
+    _seen: list[tuple[int, int, int] | None]  # state_of the watched files
+
     def __init__(self, session: Session, source: str, preferences: Preferences, loading: LoadOptions, native: bool) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self.messages = Messages()
@@ -52,13 +54,11 @@ class Actions:
         self.dialog = prompts.DesktopDialog(native)
         self.prompt: prompts.Prompt | None = None  # the open question to the user
         self.saved_as = ""  # the .scene file that Save writes; "" before the first save
-        self._saved = list[object]()  # the result of _states directly after the last save
         self.film = FilmInBackground()
         # calls work that takes seconds, once a frame has shown the words
         self.announce: Callable[[str, Callable[[], object]], object] = lambda words, work: work()
         preferences.opened(source)
-        self.changed = False  # True if another program has changed the file of the scene
-        self._seen = state_of(self.file)
+        self._watch(session.scene.files)
 
     def press(self, command: Command) -> None:
         """Run an action of the table, if it can run. Errors and missing extras become messages."""
@@ -163,10 +163,11 @@ class Actions:
 
     def collect(self) -> None:
         """Update all background work: dialog, film and reference. Measure the plane if it is shown. Notice a changed file."""
-        state = state_of(self.file) if os.path.isfile(self.file) else None
-        if state not in (None, self._seen):
-            self._seen, self.changed = state, True
-            self.say(f"{os.path.basename(self.file)} has changed on disk; F5 opens it again", topic="file")
+        states = [state_of(path) for path in self._files]
+        other = [path for path, state, seen in zip(self._files, states, self._seen, strict=True) if state not in (None, seen)]
+        if other:
+            self._seen, self.changed = states, True
+            self.say(f"{os.path.basename(other[0])} has changed on disk; F5 opens the scene again", topic="file")
         self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
@@ -184,13 +185,13 @@ class Actions:
         density: pixels per window coordinate.
         """
         editor, session = self.editor, self.session
-        near = []
+        near = {}  # by light: its distance from the eye
         for number, light in enumerate(editor.scene.lights if session.options.lights else ()):
             place = None if light.directional else on_screen(session.camera, session.size, light.position)
             if place is not None and dist(place, pixel) <= _RING * density:
-                near.append(number)
-        if near:  # of several lights, pick the one nearest to the eye
-            editor.pick_light(min(near, key=lambda number: dist(editor.scene.lights[number].position, session.camera.eye)))
+                near[number] = dist(light.position, session.camera.eye)
+        if near:
+            editor.pick_light(min(near, key=lambda number: near[number]))
         else:
             editor.mesh = mesh
             editor.light = None if mesh is None else editor.light
@@ -211,7 +212,7 @@ class Actions:
 
             def work() -> None:
                 if one in editor.scene.lights:  # a second request may have come before the work
-                    editor.delete_light(editor.scene.lights.index(one))
+                    editor.set_light(editor.scene.lights.index(one))
                     self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
 
             self.announce(f"deleting {name}…", work)
@@ -232,7 +233,7 @@ class Actions:
 
         Request the name again if another program has changed the files.
         """
-        changed = self.saved_as and self._saved != _states(Path(self.saved_as))
+        changed = self.saved_as and (self.changed or self._seen != [state_of(path) for path in self._files])
         if changed:
             self.say(f"{self.saved_as} has changed since it was saved; replace it, or save under another name")
         if self.saved_as and not changed:
@@ -245,14 +246,19 @@ class Actions:
         path = scene_file(name)
         lost = write_scene(self.session.scene.placed(self.session.origin), path)
         self.editor.saved = self.editor.scene
-        self.saved_as, self._saved = str(path), _states(path)
-        self._seen, self.changed = state_of(path), False
+        self.saved_as = str(path)
+        self._watch((path, *parts_folder(path).glob("*")))
         self.preferences.opened(str(path))
         self.say(f"{path} is written, with {parts_folder(path).name}")
         if lost:
             self.say(lost)
         if then is not None:
             then()
+
+    def _watch(self, files: Iterable[str | Path]) -> None:
+        """Watch the files of the scene on show, which have its present state."""
+        self._files, self.changed = tuple(files), False  # changed: True if another program has changed one of them
+        self._seen = [state_of(path) for path in self._files]
 
     def _unless_unsaved(self, act: Callable[[], object]) -> None:
         """Write the flight that is recorded, and call `act`. If there are unsaved changes, open the prompt about them first.
@@ -347,7 +353,7 @@ class Actions:
         self.announce(f"opening {os.path.basename(source)}…", lambda: self._show_scene(source, camera))
 
     def _show_scene(self, source: str, camera: Camera | None) -> None:
-        seen, former = state_of(source), self.session.notices
+        former = self.session.notices
         self.session.open(irrsplat.load(source, **vars(self.loading)), camera)
         trim()
         self.editor = Editor(self.session)
@@ -356,14 +362,9 @@ class Actions:
             self.say(notice)
         if source != self.saved_as:
             self.source, self.saved_as = source, ""
-        self._seen, self.changed = seen, False
+        self._watch(self.session.scene.files)
         self.messages.drop("file")
         self.preferences.opened(source)
-
-
-def _states(path: Path) -> list[object]:
-    """Return a value that changes with each write of a saved scene or its parts."""
-    return [state_of(file) for file in (path, *sorted(parts_folder(path).glob("*")))]
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:

@@ -32,10 +32,9 @@ class Subject:
 
     def same(self, other: Subject) -> bool:
         """Return True if one reference is valid for both views. Names do not count."""
-        mine, others = ((c.eye, c.target, c.up, c.fov) for c in (self.camera, other.camera))
-        lit, others_lit = ((s.lights, s.sky, s.sky_gradient, s.up, s.environment) for s in (self.scene, other.scene))
-        view = (self.size, self.bounces) == (other.size, other.bounces) and mine == others
-        return self.scene.meshes is other.scene.meshes and view and lit == others_lit
+        cameras = ((v.size, v.bounces, v.camera.eye, v.camera.target, v.camera.up, v.camera.fov) for v in (self, other))
+        lights = ((s.lights, s.sky, s.sky_gradient, s.up, s.environment) for s in (self.scene, other.scene))
+        return self.scene.meshes is other.scene.meshes and all(one == another for one, another in (cameras, lights))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from irrsplat.core.vectors import vector
 from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.scene.motion import hidden
 
-_BESIDE = 0.03  # scene diagonals: the distance of a copied light from its original
+_BESIDE = 0.03  # of the scene's extent: the distance of a copied light from its original
 _MOST = 50  # the most scenes that undo keeps; each holds its moved meshes
 
 
@@ -89,18 +89,19 @@ class Editor:
 
     # ---- lights and objects ----------------------------------------------------------------------------------------
 
-    def set_light(self, number: int, light: Light) -> None:
+    def set_light(self, number: int, *light: Light) -> None:
+        """Replace a light by another one, or delete it."""
         lights = self.scene.lights
-        self.apply(replace(self.scene, lights=(*lights[:number], light, *lights[number + 1 :])))
+        self.apply(replace(self.scene, lights=(*lights[:number], *light, *lights[number + 1 :])))
 
     def add_light(self) -> None:
-        """Add and pick a copy of the picked light; without one, a point light halfway to the camera's target.
+        """Add and pick a copy of the picked light; for none or a directional one, a point light halfway to the camera's target.
 
         The point light has the intensity at which the present exposure shows a bright surface there.
         """
         camera, scene, stops = self.session.camera, self.scene, self.session.auto_exposure.stops
-        if self.light is not None:
-            light = scene.lights[self.light].shifted(_BESIDE * scene.diagonal * camera.axes[0])
+        if self.light is not None and not scene.lights[self.light].directional:  # the position of a sun is a direction
+            light = scene.lights[self.light].shifted(_BESIDE * self.session.extent * camera.axes[0])
         else:
             eye, target = np.array([camera.eye, camera.target])
             shine = 0.25 * math.dist(eye, target) ** 2 * 2.0 ** -(stops if math.isfinite(stops) else 0.0)
@@ -112,10 +113,6 @@ class Editor:
         """Add the present view to the scene's cameras."""
         cameras = self.scene.cameras
         self.apply(replace(self.scene, cameras=(*cameras, replace(self.session.camera, name=f"view {len(cameras) + 1}"))))
-
-    def delete_light(self, number: int) -> None:
-        lights = self.scene.lights
-        self.apply(replace(self.scene, lights=(*lights[:number], *lights[number + 1 :])))
 
     def set_mesh(self, number: int, mesh: Mesh) -> None:
         """Replace a mesh by a moved or repainted state. Raises InputError for a material that needs another way of drawing."""

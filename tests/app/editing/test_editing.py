@@ -239,7 +239,7 @@ def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor:
 
 
 def test_lights_and_views_are_added(driver: Driver, editor: Editor, tmp_path: Path) -> None:
-    """A copy has the output of its original and another place. A light without an original is in front of the camera.
+    """A copy has the output of its original and another place. A light that copies none or a sun is in front of the camera.
 
     The saved scene has the added lights, and the kept view as a camera.
     """
@@ -248,11 +248,12 @@ def test_lights_and_views_are_added(driver: Driver, editor: Editor, tmp_path: Pa
     assert editor.light == count and driver.session.options.lights
     copy = editor.scene.lights[count]
     assert copy.color == before.color and copy.position != before.position
-    editor.pick_light(None)
+    editor.set_light(0, replace(before, directional=True))
+    editor.pick_light(0)
     push(driver, "Insert")
     made = editor.scene.lights[editor.light or 0]
     middle = 0.5 * np.add(driver.session.camera.eye, driver.session.camera.target)
-    assert made.position == pytest.approx(middle) and max(made.color) > 0.0
+    assert made.position == pytest.approx(middle) and max(made.color) > 0.0 and not made.directional
     driver.session.free_camera.turn(0.3, 0.0)
     editor.keep_view()
     driver.actions.save(str(tmp_path / "more.scene"))

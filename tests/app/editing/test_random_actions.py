@@ -68,7 +68,7 @@ def set_lights(driver: Driver, draw: Draw) -> None:
         return
     number = int(draw.integers(len(made.scene.lights)))
     if draw.random() < 0.25:
-        made.delete_light(number)
+        made.set_light(number)
     else:
         light = heated(replace(made.scene.lights[number], position=triple(draw, 0.9)), float(draw.uniform(1700.0, 12_000.0)))
         made.set_light(number, brighter(light) if draw.random() < 0.8 else replace(light, color=(0.0, 0.0, 0.0)))

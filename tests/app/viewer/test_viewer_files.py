@@ -62,7 +62,7 @@ def test_a_file_that_another_program_has_changed_is_opened_again_at_the_present_
     camera, lights = driver.session.camera, len(driver.session.scene.lights)
     room.write_text(ROOM + "light lamp.light\n")
     driver.frame()
-    assert driver.said.endswith("has changed on disk; F5 opens it again") and driver.actions.changed
+    assert driver.said.endswith("has changed on disk; F5 opens the scene again") and driver.actions.changed
     push(driver, "F5")
     assert len(driver.session.scene.lights) == lights + 1 and driver.session.camera == camera
     assert not driver.said and not driver.actions.changed
