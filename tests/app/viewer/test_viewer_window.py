@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer import preferences
 from irrsplat.app.viewer.window import Desktop
 from irrsplat.renderer import moving
-from tests.support.viewing import SIZE, Driver, viewing, write_room
+from tests.support.viewing import SIZE, Driver
 
 
 def test_another_size_keeps_the_records(driver: Driver) -> None:
@@ -76,21 +75,6 @@ def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypa
     driver.session.options.discs = False
     driver.settle()
     assert driver.viewer.canvas.size == SIZE and np.abs(driver.canvas().astype(float) - canvas).mean() < 1.0
-
-
-def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Size and scene are restored; a failure to write them gives a message."""
-    monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
-    room = write_room(tmp_path)
-    with viewing(room, (64, 48)) as driver:
-        driver.actions.preferences.size = (130, 100)
-        assert preferences.save(driver.actions.preferences) is None
-    remembered, notices = preferences.load()
-    assert notices == [] and remembered.size == (130, 100) and remembered.recent[0] == str(room)
-    with viewing(room, (130, 100), remembered) as driver:
-        monkeypatch.setenv("IRRSPLAT_CONFIG", str(room))
-        failed = preferences.save(driver.actions.preferences)
-        assert failed is not None and str(room) in failed
 
 
 def test_without_a_display_one_line_says_what_to_do(tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer import preferences, viewer
-from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.window import Desktop, open_window, signals
 from tests.support.counted_clock import CountedClock
@@ -70,32 +69,17 @@ def test_a_traced_truth_wakes_it(driver: Driver, clock: CountedClock, monkeypatc
 
 
 def test_a_notice_stays_until_the_first_picture_and_five_seconds_more(driver: Driver, clock: CountedClock) -> None:
+    """An error stays. A message replaces the earlier one of its topic."""
     driver.actions.open(driver.actions.source)
-    driver.actions.say("the file lacks a light")
+    driver.actions.say("wrong", error=True)
+    for stops in range(5):
+        driver.actions.say(f"exposure {stops}", topic="exposure")
     clock.advance(30.0)
     driver.frame()
-    assert "lacks a light" in driver.said
+    assert driver.said == "wrong\nexposure 4"
     clock.advance(6.0)
     driver.frame()
-    assert "lacks a light" not in driver.said
-
-
-def test_a_notice_goes_and_an_error_stays(clock: CountedClock) -> None:
-    """A notice expires after five seconds, an error stays; a new message replaces the earlier one of its topic."""
-    messages = Messages()
-    messages.say("kept")
-    messages.say("wrong", error=True)
-    kept, wrong = messages.lines
-    assert messages.rests == pytest.approx(5.0, abs=0.01)
-    clock.advance(4.5)
-    messages.expire()
-    assert messages.lines == [kept, wrong]
-    clock.advance(0.6)
-    messages.expire()
-    assert messages.lines == [wrong] and messages.rests == float("inf")
-    for stops in range(5):
-        messages.say(f"exposure {stops}", topic="exposure")
-    assert [message.text for message in messages.lines] == ["wrong", "exposure 4"]
+    assert driver.said == "wrong"
 
 
 def test_signals_are_taken_while_it_lasts_and_no_longer() -> None:
