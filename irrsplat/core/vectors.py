@@ -43,6 +43,11 @@ def box(points: np.ndarray) -> np.ndarray:
     return np.array([[column.min() for column in points.T], [column.max() for column in points.T]])
 
 
+def corners(ends: np.ndarray) -> np.ndarray:
+    """Return (8, 3) the corners of a box with these least and greatest coordinates (2, 3)."""
+    return np.array(np.meshgrid(*ends.T)).reshape(3, -1).T
+
+
 def as_float32(positions: np.ndarray) -> np.ndarray:
     """Return positions (N, 3) in float32, relative to a near point if they are far from 0 0 0, so that equal positions stay
     equal."""

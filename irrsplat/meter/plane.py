@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import Vector, vector
+from irrsplat.core.vectors import Vector, corners, vector
 from irrsplat.scene.model import Scene
 
 MOST_POINTS = 1_000_000
@@ -96,7 +96,7 @@ def horizontal(scene: Scene, height: float) -> Plane:
     first = first - up * (first @ up)
     first /= np.linalg.norm(first)
     axes = np.stack([first, np.cross(up, first), up])
-    along = np.array(np.meshgrid(*scene.near_bounds.T)).reshape(3, -1).T @ axes.T
+    along = corners(scene.near_bounds) @ axes.T
     low, extent = along.min(0), np.ptp(along, axis=0)
     low[2] = (scene.corners @ up).min()
     if not extent[:2].min() > 1e-9 * extent.max():

@@ -13,6 +13,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Legend, Shown, ShownBuffer, ViewSource, colour_map, first
 from irrsplat.core.buffers import CHANNELS, Atlas, Uniforms
+from irrsplat.core.vectors import corners
 from irrsplat.core.words import amount
 from irrsplat.gpu.target import texel
 from irrsplat.image.tonemap import BRIGHT, DARK, FULL, GREY, error_colours
@@ -188,7 +189,7 @@ def _normal(texture: moderngl.Texture) -> Shown:
 
 
 def _position(source: ViewSource) -> Shown:
-    low, high = source.renderer.scene.bounds
+    low, high = source.renderer.scene.near_bounds
     form, digits = (".2f", ".3f") if any(source.origin) else (".3g", ".4g")  # far from the origin, %g has too few digits
     first, last = (" ".join(f"{v:{form}}" for v in end + source.origin) for end in (low, high))
     text, unit = "x y z as red, green, blue within the scene's bounds", CHANNELS["position"].unit
@@ -206,7 +207,7 @@ def _read_position(uniforms: Uniforms, x: int, y: int) -> np.ndarray:
 def _depth(source: ViewSource) -> Shown:
     """Return the shown form of the distance along the view axis, in metres. The scene's bounds give its ends."""
     scene, camera = source.renderer.scene, source.view.camera
-    along = (scene.corners - np.asarray(camera.eye)) @ -camera.axes[2]
+    along = (corners(scene.near_bounds) - np.asarray(camera.eye)) @ -camera.axes[2]
     low, high = max(float(along.min()), 0.0), float(along.max())
     high = high if high > low else low + scene.diagonal
     legend = Legend("distance along the view axis", f"{low:.3g}", f"{high:.3g}", CHANNELS["depth"].unit, colour_map())

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.vectors import box, near_origin
+from irrsplat.core.vectors import box, corners, near_origin
 from irrsplat.scene.model.camera import Camera
 from irrsplat.scene.model.checks import check_type, checked, put
 from irrsplat.scene.model.lights import Light
@@ -156,7 +156,7 @@ class Scene:
     @property
     def corners(self) -> np.ndarray:
         """(8, 3) float64: the corners of the bounding box."""
-        return np.array(np.meshgrid(*self.bounds.T)).reshape(3, -1).T
+        return corners(self.bounds)
 
     @cached_property
     def diagonal(self) -> float:
