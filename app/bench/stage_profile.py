@@ -54,7 +54,7 @@ _BORDERS: dict[str, tuple[str, ...]] = {
         "surface_cache.transport.Transport.fill",
         "surface_cache.transport.Transport.__call__",
     ),
-    "splats": ("indirect.splat_buffer.ViewSplats.update", "indirect.splat_buffer.ViewSplats.at_every_pixel"),
+    "splats": ("indirect.splat.ViewSplats.update", "indirect.splat.ViewSplats.at_every_pixel"),
     "examination": (
         "indirect.examine.ExaminePass.__call__",
         "gather.spot_check.SpotPass.__call__",

@@ -1,9 +1,13 @@
-"""Progressive refinement of a covered view: each step lowers the error of the picture and estimates it.
+"""Progressive refinement of a covered view: each step lowers the error of the picture and estimates it (docs/METHOD.md, 8.3).
 
 Inter-record variance at a pixel shortens the reach of the records there, so that the pixel requests further records. If the rays
 are too few for the target error, all records are gathered with four times as many. The picture of a step stays on show until the
-next step is complete, or until the surface cache has another level. The next step uses the records of the error estimate
-(error_estimate.py), too.
+next step is complete, or until the surface cache has another level.
+
+Gathers at random pixels estimate the error of a picture, without a model of it. Importance sampling draws pixels of large
+estimated variance more often. Each test gathers along as many rays as the records around it. Some tests are gathered again along
+four times as many rays. The difference separates the noise of the tests, and shows if records need more rays. The next step uses
+the records of the tests, too.
 """
 
 from __future__ import annotations
@@ -12,26 +16,28 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
+from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
+from irrsplat.core.color import LUMINANCE
 from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.core.timing.input_waits import InputWaits, input_waits
-from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import float_texture, pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.error_estimate import GAIN, Check, ErrorSums, blur_of, drawn
-from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
+from irrsplat.indirect.paper_scan import SMOOTH_OFF, Seen, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.indirect.splat_buffer import ViewSplats
+from irrsplat.indirect.splat import ViewSplats
 from irrsplat.indirect.view_state import Phase, ViewState
 from irrsplat.scene.model import Camera
 from irrsplat.settings import SETTINGS
+
+Result = TypeVar("Result")
 
 _STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
 _WORTH = 1.2  # times the error of the finest surface cache: an error that more records hardly reduce
@@ -41,39 +47,34 @@ _LEAVE = 0.8  # of the picture's error: pixels with less are not refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
 _RAYS = 2.0  # of the squared target error: the greatest ray noise of a record, since several contribute to a pixel
 _AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
-
-
-class _Given(NamedTuple):
-    """The arguments of the last `advance`. target: greatest relative error."""
-
-    target: float
-    gbuffer: GBuffer
-    shadows: ShadowMaps
-    budget: Budget
+_TESTS = 384  # pixels under test for the error estimate
+_AGAIN = 4  # of so many of them one is gathered again, with four times as many rays
+_KEPT = 0.5  # weight of the sums of earlier steps
+_LEAST = 0.4  # of the squared difference of picture and tests: least squared error, since one test in a dark place may dominate
+_BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
+_GAIN = 6.0  # times less is a gather's own squared error where its side is doubled
 
 
 class Refiner(Owner):
-    """Refinement of one view of `size` (width, height) at a time, from `begin` until `leave` removes the added records.
+    """Refinement of one view at a time, from `begin` until `leave` removes the added records.
 
     splats: the sums of the displayed picture; None while no view is refined. error: its estimated relative RMSE; None until the
     first estimate. ended: True if the refinement is complete or cannot continue. broken: True after an exception.
     """
 
-    def __init__(self, world: World, size: tuple[int, int], scheduler: RecordScheduler, timers: Timers) -> None:
-        self.scheduler, self.cache, self.size = scheduler, scheduler.cache, size
+    def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers) -> None:
+        self.world, self.scheduler, self.cache, self.timers = world, scheduler, scheduler.cache, timers
         self.splats: SplatBuffer | None = None
         self.error: float | None = None
         self.ended = self.broken = False
-        # of the displayed and of the next picture
-        self._splats = [self.own(ViewSplats(world, size, timers)) for _ in range(2)]
-        self._reach = [self.own(float_texture(world.ctx, size, 1)) for _ in range(2)]
+        self._buffers = self.own(Workshop())  # sums and reach of the displayed and of the next picture
         self._surface_error: tuple[int, float] | None = None  # of E in W/m², by the level of the surface cache
         self._steps: Iterator[None] = iter(())  # of the present view
         self._base: tuple[int, np.ndarray, int] = 0, np.zeros(0), 0  # of the cache before: records, limits, records compared
 
     def begin(self, splats: SplatBuffer, camera: Camera) -> None:
         """Refine a view that is covered by records whose sums are `splats`."""
-        cache = self.cache
+        cache, self.size = self.cache, splats.sums.size
         self._base = cache.count, cache.limits(cache.count).copy(), self.scheduler.adaptation.compared
         self.splats, self.error, self.ended, self.broken = splats, None, False, False
         self._steps = self._refined(camera)
@@ -81,7 +82,8 @@ class Refiner(Owner):
     def leave(self) -> None:
         """Remove the records of the refinement; all other records regain their reach, and keep their values."""
         if self.splats is not None:
-            (count, limits, compared), self.splats, self._steps = self._base, None, iter(())
+            (count, limits, compared), self._steps = self._base, iter(())
+            self.splats, self.error, self.ended = None, None, False
             self.cache.truncate(count)
             self.cache.set_limits(limits)
             self.cache.revision += 1
@@ -94,7 +96,7 @@ class Refiner(Owner):
 
         on_pause: called after each part of a step.
         """
-        self._given = _Given(target, gbuffer, shadows, budget)
+        self._target, self._gbuffer, self._shadows, self._budget = target, gbuffer, shadows, budget
         try:
             while not self.ended:
                 enough = not self.scheduler.room or (self.error is not None and self.error <= target)
@@ -110,24 +112,26 @@ class Refiner(Owner):
     def _refined(self, camera: Camera) -> Steps[None]:
         """Refine a view in steps; pause after each part: some pixels tested, some records gathered more finely, some new ones."""
         scheduler, cache, gatherer = self.scheduler, self.cache, self.scheduler.gatherer
-        levels, tested, doublings, index = np.zeros(self.size[::-1], "f4"), ErrorSums(), 0, 0
-        gatherer.restore_surface(self._given.shadows, self._given.budget)  # else tests would lack its light
-        surface, known = gatherer.surface_now, self._surface_error
+        levels, sums, doublings, number = np.zeros(self.size[::-1], "f4"), np.zeros(5), 0, 0
+        gatherer.restore_surface(self._shadows, self._budget)  # else tests would lack its light
+        surface, known, reach = gatherer.surface_now, self._surface_error, None
         if surface is not None and known is not None and surface.refinements and surface.refinements == known[0]:
             surface_error = known[1]  # a view before has refined the surface cache
         else:
-            surface_error = yield from self._light(camera, 0.0)
+            surface_error = yield from self._light(camera, 0.0, number, reach)
         for step in range(LAST + 1):
-            check = yield from self._test(camera, step, doublings)
-            if check is None:
+            tests = yield from self._test(camera, step, doublings)
+            if tests is None:
                 return
-            tested = tested.including(check)
-            off = math.hypot(math.sqrt(check.mean_uncertainty * tested.ratio), surface_error)
-            aim = max(self._given.target * check.mean, off / _AIM)
+            sums = _KEPT * sums + tests.sums
+            error = float(sums[0] / sums[1])  # squared, relative to the variance, as the two below
+            by_rays, ray_noise = (sums[2:4] / sums[4]).tolist()
+            off = math.hypot(math.sqrt(tests.mean_uncertainty * max(error - by_rays, _LEAST * error)), surface_error)
+            aim = max(self._target * tests.mean, off / _AIM)
             finer = self._side(doublings + 1) > self._side(doublings)
-            if finer and check.mean_uncertainty * tested.ray_ratio > _RAYS * aim**2:
-                tested, doublings = tested._replace(rays=tested.rays / GAIN), doublings + 1
-            self.error = off / check.mean if check.mean > 0.0 else 0.0
+            if finer and tests.mean_uncertainty * ray_noise > _RAYS * aim**2:
+                sums[3], doublings = sums[3] / _GAIN, doublings + 1
+            self.error = off / tests.mean if tests.mean > 0.0 else 0.0
             surface = gatherer.surface_now
             # the finest surface cache may be off by more than the target; then records need not be much better
             if surface is not None and not surface.may_refine and off < _WORTH * surface_error:
@@ -136,24 +140,19 @@ class Refiner(Owner):
             if step == LAST:
                 return
             if surface_error**2 > _BETWEEN * aim**2:
-                surface_error = yield from self._light(camera, surface_error, self._reach[index] if step else None, index)
-
-            choosing, index = in_background(partial(_finer_by, check.uncertainty)), 1 - index
-            yield
-            while (more := self._given.budget.advance(choosing)) is None:
-                yield
-            levels = np.minimum(levels + more, _MOST).astype("f4")
+                surface_error = yield from self._light(camera, surface_error, number, reach)
+            more = yield from self._in_background(partial(_finer_by, tests.uncertainty))
+            levels, number = np.minimum(levels + more, _MOST).astype("f4"), 1 - number
+            reach = self._buffers.get(f"reach {number}", self.size, lambda: float_texture(self.world.ctx, self.size, 1))
             # the share of the records' reach that counts
-            self._reach[index].write(np.exp2(-0.5 * levels).astype("f4")[::-1].tobytes())
-            self._splats[index].forget()
+            reach.write(np.exp2(-0.5 * levels).astype("f4")[::-1].tobytes())
+            self._sums(number).forget()
             side, sizes = self._side(doublings), cache.column("gather_size")
             coarse = np.where(sizes > 0, sizes, self._side(0)) < side
-            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._given.gbuffer, camera) > 0.0))
+            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._gbuffer, camera) > 0.0))
             yield
-            while len(left):
-                left = left[gatherer.regather(self._given.shadows, left, self._given.budget, side) :]
-                yield
-            if not (yield from self._fill(camera, index, side)):
+            yield from self._regathered(left, side)
+            if not (yield from self._fill(camera, number, reach, side)):
                 return
 
     def _side(self, doublings: int) -> int:
@@ -161,80 +160,88 @@ class Refiner(Owner):
         least = self.scheduler.settings.gather_size
         return int(min(least * 2**doublings, SETTINGS["gather_size"].high or least))
 
-    def _splatted(self, camera: Camera, index: int, reach: moderngl.Texture | None) -> Steps[SplatBuffer]:
+    def _in_background(self, work: Callable[[], Result]) -> Steps[Result]:
+        """Return the result of `work`, which takes long for a large view; pause until a thread has done it."""
+        running = in_background(work)
+        yield
+        while (done := self._budget.advance(running)) is None:
+            yield
+        return done
+
+    def _regathered(self, numbers: np.ndarray, side: int) -> Steps[None]:
+        """Gather the records of these numbers again along side² rays; pause after each part."""
+        while len(numbers):
+            numbers = numbers[self.scheduler.gatherer.regather(self._shadows, numbers, self._budget, side) :]
+            yield
+
+    def _sums(self, number: int) -> ViewSplats:
+        """Return the splat buffer of the displayed or of the next picture."""
+        return self._buffers.get(f"sums {number}", self.size, lambda: ViewSplats(self.world, self.size, self.timers))
+
+    def _splatted(self, camera: Camera, number: int, reach: moderngl.Texture | None) -> Steps[SplatBuffer]:
         """Return the sums of all records in one of the two buffers; pause while input waits."""
         while True:
             try:
-                return self._splats[index].update(self.cache, self._given.gbuffer, camera, self.scheduler.settings, 1, reach)
+                return self._sums(number).update(self.cache, self._gbuffer, camera, self.scheduler.settings, 1, reach)
             except InputWaits:
                 yield
 
-    def _light(self, camera: Camera, known: float, reach: moderngl.Texture | None = None, index: int = 0) -> Steps[float]:
+    def _light(self, camera: Camera, known: float, number: int, reach: moderngl.Texture | None) -> Steps[float]:
         """Refine the surface cache, gather the records again by it, and return the estimated remaining error of E, W/m².
 
-        known: its present error. reach, index: of the picture on show.
+        known: its present error. number, reach: of the picture on show.
         """
         gatherer, cache = self.scheduler.gatherer, self.cache
         surface = gatherer.surface_now
         if surface is None or not surface.may_refine:
             yield
             return known
-        while not surface.refine(self._given.shadows, self._given.budget):
+        while not surface.refine(self._shadows, self._budget):
             yield
         yield
         before, sizes = cache.values[:, :3], cache.column("gather_size").copy()
         for side in np.unique(sizes).tolist():
-            left = np.flatnonzero(sizes == side)
-            while len(left):
-                left = left[gatherer.regather(self._given.shadows, left, self._given.budget, side) :]
-                yield
+            yield from self._regathered(np.flatnonzero(sizes == side), side)
         changes = cache.values[:, :3].astype(float) - before  # along equal rays: of the light alone
-        pixels_covered = self.scheduler.pixels_covered(self._given.gbuffer, camera)[:, None]
+        pixels_covered = self.scheduler.pixels_covered(self._gbuffer, camera)[:, None]
         weights = pixels_covered / max(float(pixels_covered.sum()), 1e-20)
         error = _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))
         self._surface_error = surface.refinements, error
         self.scheduler.limit_radii(ViewState(phase=Phase.FILL))  # the last test's records are new
-        self.splats = yield from self._splatted(camera, index, reach)
+        self.splats = yield from self._splatted(camera, number, reach)
         yield
         return error
 
-    def _test(self, camera: Camera, step: int, doublings: int) -> Steps[Check | None]:
+    def _test(self, camera: Camera, step: int, doublings: int) -> Steps[_Tests | None]:
         """Gather at random pixels, as finely as the records of the picture, and some more finely. Return None without pixels."""
-        gatherer, cache = self.scheduler.gatherer, self.cache
-        seen = read_back(self._given.gbuffer)
+        cache, seen = self.cache, read_back(self._gbuffer)
         assert self.splats is not None
         if not seen.mask.any():  # as for a view past the scene
             self.error = 0.0
             return None
-        seed, off = (self.scheduler.settings.seed, step), SMOOTH_OFF * gatherer.world.scene.diagonal
+        seed, off = (self.scheduler.settings.seed, step), SMOOTH_OFF * self.world.scene.diagonal
         sums, weight = pixels(self.splats.sums), pixels(self.splats.weight)
-        drawing = in_background(partial(drawn, seen, sums, weight, seed, off))  # a large view takes long
-        yield
-        while (check := self._given.budget.advance(drawing)) is None:
-            yield
-        first, done, side = cache.count, 0, self._side(doublings)
-        sites = replace(check.sites, screen=camera.measure_at(check.sites.position, self.size))
+        tests = yield from self._in_background(partial(_drawn, seen, sums, weight, seed, off))
+        first, done = cache.count, 0
+        sites = replace(tests.sites, screen=camera.measure_at(tests.sites.position, self.size))
         yield
         while done < len(sites):
-            done += gatherer.gather(self._given.shadows, sites[done:], self._given.budget, side)
+            done += self.scheduler.gatherer.gather(self._shadows, sites[done:], self._budget, self._side(doublings))
             yield
-        coarse, done = cache.values[first:, :3].astype(float), 0
-        again, side = check.again, self._side(doublings + 1)
-        while done < len(again):
-            done += gatherer.regather(self._given.shadows, first + again[done:], self._given.budget, side)
-            yield
-        return replace(check, coarse=coarse, fine=cache.values[first + again, :3])
+        coarse = cache.values[first:, :3].astype(float)
+        yield from self._regathered(first + tests.again, self._side(doublings + 1))
+        return tests._replace(coarse=coarse, fine=cache.values[first + tests.again, :3])
 
-    def _fill(self, camera: Camera, index: int, side: int) -> Steps[bool]:
+    def _fill(self, camera: Camera, number: int, reach: moderngl.Texture, side: int) -> Steps[bool]:
         """Make records where the next step lacks some, and show its picture. Return False at the limit of records."""
         fill, settings = ViewState(), self.scheduler.settings
         while True:
             fill, _ = self.scheduler.limit_radii(fill)
-            splats = yield from self._splatted(camera, index, self._reach[index])
+            splats = yield from self._splatted(camera, number, reach)
             of = splats, settings.request_criteria
             if not fill.ended(of):
-                screen = self.scheduler.screen(self._given.gbuffer, splats, camera)
-                fill, *_ = self.scheduler.gather_missing(fill, screen, self._given.shadows, self._given.budget, side)
+                screen = self.scheduler.screen(self._gbuffer, splats, camera)
+                fill, *_ = self.scheduler.gather_missing(fill, screen, self._shadows, self._budget, side)
             if fill.ended(of):
                 self.splats = splats
                 yield
@@ -244,6 +251,80 @@ class Refiner(Owner):
             yield
 
 
+class _Tests(NamedTuple):
+    """N pixels under test.
+
+    shown: (N, 3) E of the picture, W/m². drawn_by: (N,) estimated variance by which each pixel was drawn. uncertainty: (H, W)
+    this variance at all pixels. mean_uncertainty, mean: means of variance and E over the pixels of the error. coarse: (N, 3) E
+    of the tests. fine: (K, 3) E of the repeated tests, with four times as many rays. Both are empty at first.
+    """
+
+    sites: Sites
+    shown: np.ndarray
+    drawn_by: np.ndarray
+    uncertainty: np.ndarray
+    mean_uncertainty: float
+    mean: float
+    coarse: np.ndarray = np.zeros((0, 3))
+    fine: np.ndarray = np.zeros((0, 3))
+
+    @property
+    def again(self) -> np.ndarray:
+        """The indices (K,) of the tests that are gathered again."""
+        return np.arange(0, len(self.sites), _AGAIN)
+
+    @property
+    def sums(self) -> np.ndarray:
+        """(5,) sums over the tests of squared differences, divided by the variance by which each pixel was drawn.
+
+        The differences between picture and tests, and the number of tests. For repeated tests: the decrease of the differences
+        along four times as many rays, the differences of both gathers, and the number of repeated tests.
+        """
+        again, drawn_by = self.again, self.drawn_by[self.again]
+        errors = _squares(self.shown, self.coarse) / self.drawn_by
+        decrease = errors[again] - _squares(self.shown[again], self.fine) / drawn_by
+        rays = _squares(self.coarse[again], self.fine) / drawn_by
+        return np.array([errors.sum(), len(errors), decrease.sum(), rays.sum(), len(again)])
+
+
+def _squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return (N,) the squared differences of (N, 3), mean over channels."""
+    return np.asarray(((values.astype(float) - others) ** 2).mean(1))
+
+
+def _blur_of(height: int) -> float:
+    """Return the radius over which inter-record variance is averaged in an image of this height, both in pixels."""
+    return max(_BLUR * height, 1.0)
+
+
+def _drawn(seen: Seen, sums: np.ndarray, weight: np.ndarray, seed: tuple[int, ...], off: float) -> _Tests:
+    """Return tests at some smooth pixels, as the error leaves out edges. sums, weight: of the splat buffer.
+
+    Pixels are drawn in proportion to their uncertainty: the variance of the records there, averaged over the pixels around, plus
+    its mean. off: see Seen.smooth.
+    """
+    from scipy import ndimage
+
+    sums, weight = sums.astype(float), weight.astype(float)
+    k = np.maximum(sums[..., 3], 1e-20)
+    variance = np.where(seen.mask, np.maximum(weight[..., 1] / k - ((sums[..., :3] @ LUMINANCE) / k) ** 2, 0.0), 0.0)
+    sigma = _blur_of(len(variance))
+    share = ndimage.gaussian_filter(seen.mask.astype(float), sigma)
+    uncertainty = np.where(seen.mask, ndimage.gaussian_filter(variance, sigma) / np.maximum(share, 1e-6), 0.0)
+    uncertainty += seen.mask * (float(uncertainty[seen.mask].mean()) + 1e-20)
+    smooth = seen.smooth(off)
+    counting = smooth if smooth.any() else seen.mask
+    random, candidates = np.random.default_rng(seed), np.flatnonzero(counting)
+    sum_to = np.cumsum(uncertainty.ravel()[candidates])
+    count = min(_TESTS, len(candidates))
+    places = (np.arange(count) + random.random(count)) / max(count, 1) * sum_to[-1]
+    chosen = np.unique(candidates[np.minimum(np.searchsorted(sum_to, places), len(candidates) - 1)])
+    at = np.unravel_index(chosen, seen.mask.shape)
+    E = sums[..., :3] / k[..., None]
+    means = float(uncertainty[counting].mean()), float(E[counting].mean())
+    return _Tests(seen.sites(at), E[at], uncertainty[at], uncertainty, *means)
+
+
 def _finer_by(uncertainty: np.ndarray) -> np.ndarray:
     """Return (H, W) the levels to add for the next step, by the variance (H, W) at all pixels."""
     from scipy import ndimage
@@ -251,5 +332,5 @@ def _finer_by(uncertainty: np.ndarray) -> np.ndarray:
     limit = _LEAVE**2 * float(uncertainty[uncertainty > 0.0].mean())  # the variance's relation to the error's square cancels out
     # the error is about proportional to the square of the reach, so that a level halves the error
     more = np.maximum(0.5 * np.log2(np.maximum(uncertainty, 1e-30) / limit), 0.0)
-    around = round(blur_of(len(uncertainty)))
+    around = round(_blur_of(len(uncertainty)))
     return np.asarray(ndimage.gaussian_filter(ndimage.maximum_filter(more, 2 * around + 1), around))

@@ -6,9 +6,11 @@ picture.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
@@ -16,7 +18,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import checked_by, never
 from irrsplat.gpu.context import is_gone
-from irrsplat.gpu.resource import Owner, Workshop
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -27,10 +29,9 @@ from irrsplat.indirect.examine import Screen
 from irrsplat.indirect.hole_filling import CELLS, HoleFilling, HoleLight
 from irrsplat.indirect.refinement import Refiner
 from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.indirect.splat_buffer import first_stride
+from irrsplat.indirect.splat import first_stride
 from irrsplat.indirect.view_state import Need, Phase, ViewState
 from irrsplat.lighting.light_table import unshadowed_luminance
-from irrsplat.renderer.moving import MovingViews
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
 from irrsplat.renderer.tiles import TileScreens
@@ -40,6 +41,9 @@ from irrsplat.scene.model.checks import check_type
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
 _HOLES = 0.2  # of a tick: share for probes of holes, besides records
 _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
+_SMALLEST = 4  # the largest divisor of width and height of a moving camera's view
+_DRAWN = 0.8  # greatest share of a tick for drawing while the camera moves; the gather has the remaining time
+_MARGIN = 0.7  # of that share: a larger picture is drawn only if its expected time is less
 
 
 class Frames(Owner):
@@ -52,9 +56,10 @@ class Frames(Owner):
         self.ctx, self.scheduler, self.timers, self.state = world.ctx, scheduler, timers, state
         self.cache, self.maps = scheduler.cache, self.own(TextureMaps(world.ctx))
         self.stages = self.own(Stages(world, scheduler, self.maps, timers, reader))
-        self.moving = self.own(MovingViews(Stages(world, scheduler, self.maps, timers, reader), self.round))
+        self.small = self.own(Stages(world, scheduler, self.maps, timers, reader))  # of a moving camera's smaller views
+        self.refiner = self.own(Refiner(world, scheduler, timers))
         self._tiles = TileScreens(self.stages)
-        self._passes = self.own(Workshop())  # the refiner
+        self._divisor, self._small = 1, ((0, 0), 0.0, 0.0)  # of the last smaller view: size, seconds of splats and picture
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
@@ -65,10 +70,9 @@ class Frames(Owner):
         if self.refines:
             if self._is_unchanged(camera):
                 return self.refined_view(camera)
-            self.leave_refinement()
-        if moving and self.moving.divisor(self.state) > 1:
-            self.state = replace(self.state, view=ViewState())  # a smaller view may have gathered the whole view's requests
-            return self.moving(self.state, camera, budget, gather)
+            self.refiner.leave()
+        if moving and self.divisor > 1:
+            return self._smaller_frame(camera, budget, gather)
         start, other = now(), (camera,) != self.state.view.subject[:1]
         dark = budget.limited and self.scheduler.gatherer.awaits_light and not self.cache.count
         shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
@@ -91,9 +95,44 @@ class Frames(Owner):
             self.ctx.finish()
             self.state = replace(self.state, picture_seconds=now() - start)
         if seconds is not None and other:
-            self.moving.note(self.state.splat_seconds + self.state.picture_seconds, seconds)
+            took = self.state.splat_seconds + self.state.picture_seconds
+            self._divisor = max(self._divisor, divisor_after(1, took, seconds))
         self.state = replace(self.state, shown=Shown(view, (camera, *self.state.view_subject, self.state.settings), bounced))
         return view, replace(done.progress, accumulating=view.accumulating)
+
+    def _smaller_frame(self, camera: Camera, budget: Budget, gather: bool) -> tuple[View, Progress]:
+        """Return a smaller picture of a moving camera, and the progress of its round.
+
+        Width and height are divided by a number that follows the time of pictures. Requests are measured in shares of the
+        picture: views of any size place records alike, and the whole view starts again with these records.
+        """
+        start, stages, (known, splat, picture) = now(), self.small, self._small
+        self.state = replace(self.state, view=ViewState())
+        state = replace(self.state, size=self.size_in_motion, shown=None, splat_seconds=splat, picture_seconds=picture)
+        stages.draw_gbuffer(state, camera)
+        self.ctx.finish()
+        seen = now() - start
+        state, done = self.round(state, camera, budget, gather, stages=stages)
+        start = now()
+        view = stages.draw_picture(state, done, accumulating=True, moving=True)
+        self.ctx.finish()
+        for texture in (view.image, view.alpha):
+            texture.filter = moderngl.LINEAR, moderngl.LINEAR  # a larger target interpolates the picture
+        self._small = state.size, state.splat_seconds, now() - start
+        if budget.seconds is not None and known == state.size:  # the first view of a size compiles programs
+            self._divisor = divisor_after(self._divisor, seen + sum(self._small[1:]), budget.seconds)
+        return view, replace(done.progress, accumulating=view.accumulating)
+
+    @property
+    def divisor(self) -> int:
+        """The divisor of the next moving view's width and height. The paper's scan examines whole pictures alone."""
+        return self._divisor if self.state.settings.placement != "scan" else 1
+
+    @property
+    def size_in_motion(self) -> tuple[int, int]:
+        """Width and height of the next view of a moving camera, pixels."""
+        width, height = (max(1, -(-side // self.divisor)) for side in self.state.size)
+        return width, height
 
     def round(
         self,
@@ -114,7 +153,7 @@ class Frames(Owner):
         shadows = self.follow_scene(state, camera)  # 3.3
         gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
         view = self.view_state(state, camera)
-        if stages is self.moving.stages:
+        if stages is self.small:
             view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera
 
         reserve = state.splat_seconds + later
@@ -231,9 +270,11 @@ class Frames(Owner):
 
     def progress(self, view: ViewState, new: int = 0, complete: bool = True, renewed: int = 0) -> Progress:
         """Return the progress of a view by a round with so many `new` and `renewed` records. complete: True if no site waits."""
-        gathers = self.state.settings.most_bounces > 0
+        gathers, refiner = self.state.settings.most_bounces > 0, self.refiner
         stale, made = (self.cache.waiting, self.scheduler.gatherer.surface_share) if gathers else (0, 1.0)
-        return Progress(view.rounds, self.cache.count, new, view.coverage, renewed, stale, complete, made, view.full)
+        full = view.full or (self.refines and self.scheduler.room == 0)
+        shares = view.coverage, renewed, stale, complete, made, full
+        return Progress(view.rounds, self.cache.count, new, *shares, error=refiner.error, refined=refiner.ended)
 
     def _picture_may_wait(self, camera: Camera) -> bool:
         """True if the last picture can stay for another frame: only new records differ, and drawing takes time from gathering."""
@@ -250,7 +291,7 @@ class Frames(Owner):
     def check_present(self, view: View) -> None:
         """Raise InputError for a view of an earlier camera or size, whose buffers hold another one."""
         check_type("a view", view, View)
-        held = view.gbuffer in (self.stages.gbuffer, self.moving.stages.gbuffer)
+        held = view.gbuffer in (self.stages.gbuffer, self.small.gbuffer)
         if not held or is_gone(view.direct):  # other kinds of lights have another pass
             raise InputError("this view's buffers hold another view by now; use a view before the next frame is drawn")
 
@@ -265,7 +306,7 @@ class Frames(Owner):
     def composite_pass(self, view: View) -> CompositePass:
         """Return the pass that makes pictures of the size of a `view` that `frame` gave."""
         size = view.image.size
-        return (self.stages if size == self.state.size else self.moving.stages).composite_pass(size)
+        return (self.stages if size == self.state.size else self.small).composite_pass(size)
 
     # ---- progressive refinement ------------------------------------------------------------------------------------
 
@@ -273,22 +314,18 @@ class Frames(Owner):
         self, camera: Camera, target: float, seconds: float | None, on_part: Callable[[Progress], None] | None = None
     ) -> tuple[View, Progress]:
         """Return the picture and the progress after a step of refinement, see Renderer.refine. on_part: called between parts."""
-        budget, refiner = Budget(seconds), self._refiner
-        if refiner is not None and self.refines and (refiner.broken or not self._is_unchanged(camera)):
-            self.leave_refinement()
+        budget, refiner, state = Budget(seconds), self.refiner, self.state
+        if self.refines and (refiner.broken or not self._is_unchanged(camera)):
+            refiner.leave()
         if not self.refines:
-            state, view = self.state, self.state.view
-            ended = view.stalled or view.phase is Phase.SETTLED
-            shown = self.view_state(state, camera) is view and ended and view.pixel_stride == 1
+            ended = state.view.stalled or state.view.phase is Phase.SETTLED
+            shown = self.view_state(state, camera) is state.view and ended and state.view.pixel_stride == 1
             if not shown or not self.can_refine:
                 return self.frame(camera, seconds)
-            size, world = state.size, self.stages.world
-            refiner = self._passes.get("refiner", size, lambda: Refiner(world, size, self.scheduler, self.timers))
-            gbuffer, splats = self.stages.draw_gbuffer(state, camera), self.stages.splats(state)
-            refiner.begin(splats.update(self.scheduler.cache, gbuffer, camera, state.settings, 1), camera)
-        assert refiner is not None
-        gbuffer, shadows = self.stages.draw_gbuffer(self.state, camera), self.stages.draw_shadows(self.state)
-        on_pause = None if on_part is None else lambda: on_part(self._refined_progress(refiner))
+            gbuffer = self.stages.draw_gbuffer(state, camera)
+            refiner.begin(self.stages.splats(state).update(self.cache, gbuffer, camera, state.settings, 1), camera)
+        gbuffer, shadows = self.stages.draw_gbuffer(state, camera), self.stages.draw_shadows(state)
+        on_pause = None if on_part is None else lambda: on_part(self.progress(state.view))
         refiner.advance(target, gbuffer, shadows, budget, on_pause)
         return self.refined_view(camera)
 
@@ -301,11 +338,7 @@ class Frames(Owner):
     @property
     def refines(self) -> bool:
         """True while a view is refined."""
-        return self._refiner is not None and self._refiner.splats is not None
-
-    @property
-    def _refiner(self) -> Refiner | None:
-        return self._passes.find("refiner", Refiner)
+        return self.refiner.splats is not None
 
     def _is_unchanged(self, camera: Camera) -> bool:
         """True if the present view is the unchanged view of `camera` and no record is stale."""
@@ -313,28 +346,16 @@ class Frames(Owner):
 
     def refined_view(self, camera: Camera) -> tuple[View, Progress]:
         """Return the picture of a refined view, and its progress."""
-        state, stages, refiner = self.state, self.stages, self._refiner
-        assert refiner is not None
-        progress = self._refined_progress(refiner)
-        done = Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refiner.splats, progress)
+        state, stages, progress = self.state, self.stages, self.progress(self.state.view)
+        done = Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), self.refiner.splats, progress)
         return stages.draw_picture(state, done), progress
-
-    def _refined_progress(self, refiner: Refiner) -> Progress:
-        """Return the progress of a refined view."""
-        view, full = self.state.view, self.state.view.full or self.scheduler.room == 0
-        return Progress(view.rounds, self.cache.count, 0, view.coverage, full=full, error=refiner.error, refined=refiner.ended)
-
-    def leave_refinement(self) -> None:
-        """Return to the view before refinement."""
-        if self._refiner is not None:
-            self._refiner.leave()
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 
     def change_to(self, state: State) -> None:
         """Change to another scene, size or settings that have been validated."""
         if state.view_subject != self.state.view_subject:
-            self.leave_refinement()
+            self.refiner.leave()
         dimming = self.scheduler.apply(state.settings, state.scene, self.stages.shadows(self.state)).dimming
         if dimming is not None:
             state = replace(state, view=self._dimmed_view(state))
@@ -352,7 +373,19 @@ class Frames(Owner):
 
     def forget(self, shadows: bool) -> None:
         """Draw every buffer of the view again next time; the shadow maps only with `shadows`."""
-        self.leave_refinement()
+        self.refiner.leave()
         self.stages.forget(shadows=shadows)
-        self.moving.stages.forget(shadows=shadows)
+        self.small.forget(shadows=shadows)
         self.state = replace(self.state, view=ViewState())
+
+
+def divisor_after(divisor: int, took: float, seconds: float) -> int:
+    """Return the divisor of the next view, where the last one took so many seconds to draw, in a tick of `seconds`.
+
+    The time is taken as proportional to the number of pixels. A part of it is not: a smaller picture takes longer than expected,
+    and a larger one less. So the divisor may grow again in the next view, and never alternates.
+    """
+    share = max(_DRAWN * seconds, 1e-9)  # a tick without any time draws the smallest picture
+    if took > share:
+        return min(_SMALLEST, math.ceil(divisor * math.sqrt(took / share)))
+    return min(divisor, max(1, math.ceil(divisor * math.sqrt(took / (_MARGIN * share)))))

@@ -29,7 +29,7 @@ from irrsplat.image.frame import Frame
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress, View
 from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.indirect.splat_buffer import ViewSplats
+from irrsplat.indirect.splat import ViewSplats
 from irrsplat.lighting import gl_limits
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
@@ -190,7 +190,7 @@ class Renderer(Tenant):
     @property
     def size_in_motion(self) -> tuple[int, int]:
         """Width and height of the next view of a moving camera, pixels."""
-        return self._frames.moving.size(self._frames.state)
+        return self._frames.size_in_motion
 
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
         """Refine a complete view until its estimated relative RMSE of indirect irradiance is at most `target`.
@@ -329,7 +329,7 @@ class Renderer(Tenant):
         of other settings (cache_file.key lists them) and, without `update`, of another scene or other lights.
         """
         self._use()
-        self._frames.leave_refinement()
+        self._frames.refiner.leave()
         key = cache_file.key(self._frames.state.scene, self.scheduler.settings)
         found, reason = cache_file.read(named(path), key, update)
         self.scheduler.restore(cache_file.carried_over(found, key) if reason else found.state)
@@ -352,7 +352,7 @@ class Renderer(Tenant):
         """
         self._use_whole()
         check_callback("progress", progress)
-        self._frames.leave_refinement()
+        self._frames.refiner.leave()
         done, stats = self._whole.filled(self._seen_by(camera), progress)
         return self.stages.draw_picture(self._frames.state, done), stats
 
@@ -384,7 +384,7 @@ class Renderer(Tenant):
     def coverage(self, camera: Camera | str | None = None) -> float:
         """Return the share of the pixels with a surface, 0..1, at which `camera` requests no record; the cache stays as it is."""
         self._use_whole()
-        self._frames.leave_refinement()
+        self._frames.refiner.leave()
         return self._frames.frozen(self._seen_by(camera)).progress.coverage
 
 

@@ -26,8 +26,7 @@ from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Reader, View
 from irrsplat.indirect.hole_filling import HoleFilling, HoleLight
 from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.indirect.splat import batches
-from irrsplat.indirect.splat_buffer import ViewSplats
+from irrsplat.indirect.splat import ViewSplats, batches
 from irrsplat.indirect.temporal_filter import TemporalFilter
 from irrsplat.indirect.view_state import COVERED
 from irrsplat.lighting.direct import DirectPass

@@ -111,7 +111,7 @@ class WholeRenders:
             raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
         wanted = None if figures else buffers
         tiled = frames.state if self.stages.gbuffer is not None else fitting(frames.state, self.ctx, wanted)
-        frames.leave_refinement()
+        frames.refiner.leave()
         album = PaperFigures(partial(self.stages.splatted, frames.state, camera), progress)
         rounds = partial(self.filled, camera, album if figures else progress, gather)
         if tiled.tile:

@@ -27,8 +27,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
 from irrsplat.indirect.hole_filling import HoleFilling
-from irrsplat.indirect.splat import SplatPass
-from irrsplat.indirect.splat_buffer import UpsamplePass
+from irrsplat.indirect.splat import SplatPass, UpsamplePass
 from irrsplat.indirect.temporal_filter import TemporalFilter
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines

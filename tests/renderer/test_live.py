@@ -17,7 +17,7 @@ from irrsplat.core.buffers import CHANNELS, Sites
 from irrsplat.core.timing.clock import use_clock
 from irrsplat.gpu import world
 from irrsplat.image.view import Progress
-from irrsplat.renderer.moving import divisor_after
+from irrsplat.renderer.frames import divisor_after
 from irrsplat.scene.model import Camera, Light
 from irrsplat.scene.motion import hidden
 from irrsplat.scene.spatial import bvh

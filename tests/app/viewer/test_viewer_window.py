@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from irrsplat.app.viewer.window import Desktop
-from irrsplat.renderer import moving
+from irrsplat.renderer import frames
 from tests.support.viewing import SIZE, Driver
 
 
@@ -62,7 +62,7 @@ def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypa
 
     An enlarged picture is soft at edges, 3 of 255 in the mean; a wrongly shifted or scaled picture differs by tens.
     """
-    monkeypatch.setattr(moving, "divisor_after", lambda *_: 2)
+    monkeypatch.setattr(frames, "divisor_after", lambda *_: 2)
     before, canvas, half = driver.window(), driver.canvas(), (SIZE[0] // 2, SIZE[1] // 2)
     driver.down("D")
     driver.frame(3, dt=1e-4)
