@@ -279,7 +279,7 @@ class RecordScheduler(Owner):
         view = replace(view, scan=scan, full=not room)
         if not room:
             return replace(view, need=self.need(screen)), 0, True
-        gather, light = self.gatherer.gather_pass, self.gatherer.light(shadows)
+        gather, light = self.gatherer.gather_pass(), self.gatherer.light(shadows)
 
         def record(site: Sites) -> np.ndarray:
             return gather_record(gather, light, screen.requested(site))

@@ -13,7 +13,7 @@ import pytest
 from irrsplat import Renderer
 from irrsplat.gather import kinds
 from irrsplat.gpu.target import pixels
-from irrsplat.indirect.gathering.gathers import Gathers
+from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.appearance import flatten
 from tests.renderer.test_move import BOX, shift
@@ -72,7 +72,7 @@ def interrupted(*_: Any, **__: Any) -> Any:
 
 
 CHANGES: dict[str, tuple[Any, str, Callable[[Renderer], None]]] = {
-    "probes": (Gathers, "measure", lambda r: r.move(BOX, WAY)),
+    "probes": (RecordGatherer, "_probed", lambda r: r.move(BOX, WAY)),
     "lights": (kinds, "gather_pass", lambda r: r.relight(TWO)),
 }
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,16 +12,20 @@ from irrsplat.core.buffers import Atlas, HitLight, ShadowMaps, Sites, Uniforms
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather, gather_records
+from irrsplat.gather.record_frame import FEW_RAYS
+from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.spot_check import SIDES
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.change_probe import SIDE, adopt_probes, apply_probes, columns_of, scale_by_surface
-from irrsplat.indirect.gathering.gathers import Basis, Gathers
+from irrsplat.lighting.emitter_table import emitter_table
+from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
-from irrsplat.settings import Settings
+from irrsplat.scene.model import Scene
+from irrsplat.settings import SETTINGS, Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.site_layout import Detail, detail_for
 from irrsplat.surface_cache.transport import BouncedLight
@@ -33,6 +37,39 @@ _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
 _PROBE_SHARE = 0.35  # of a tick: share for probes after a change, in any case
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Scene and settings of the cache's records, and changes that the records do not follow yet.
+
+    kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed, and the affected records are not
+    selected yet. relit: True if lights or materials have changed since the surface cache was of the present light. from_file: the
+    statistics `bounces` of records from a file, until their surface cache is made.
+    """
+
+    scene: Scene
+    settings: Settings
+    kind: str
+    moved: bool = False
+    relit: bool = False
+    from_file: Mapping[str, object] | None = None
+
+    @cached_property
+    def lights(self) -> dict[str, int]:
+        """The kinds of lights that gathers are compiled for."""
+        return light_defines(self.scene)
+
+    @property
+    def way(self) -> tuple[object, ...]:
+        """The settings that determine a record's directions and their noise."""
+        settings = self.settings
+        return self.kind, settings.gather_size, settings.light_samples
+
+    @property
+    def uses_surface_cache(self) -> bool:
+        """True if records use a surface cache: for more than one bounce."""
+        return self.settings.most_bounces > 1
 
 
 class RecordGatherer(Owner):
@@ -56,22 +93,52 @@ class RecordGatherer(Owner):
         self.basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
         if settings.most_bounces > 0:
             world.prebuild(caster=self._casts)
-        self.gathers = self.own(Gathers(world))
         self._count = 0  # of the records at the last advance of the surface cache
         self._built = True  # False while a tick awaits structures of rays
-        self._made = self.own(Workshop())  # the surface cache
+        self._made = self.own(Workshop())  # the surface cache, the gathers and the reductions
 
     # ---- the passes -------------------------------------------------------------------------------------------------
+
+    def gather_pass(self, basis: Basis | None = None, side: int = 0, probe: bool = False) -> Gather:
+        """Return the pass that gathers records along side² rays; 0: the settings' side.
+
+        basis: another one than the present. The paper's algorithm gathers one record at a time, without next-event samples. For
+        other sides, the number of samples grows in proportion to the rays, and is never less than the settings'. probe: True for
+        rough values by at most `side` samples.
+        """
+        basis = basis or self.basis
+        settings, name, capacity = basis.settings, f"gather of {side}", None
+        samples, own = settings.light_samples, settings.gather_size
+        if probe:
+            rays = FEW_RAYS if side > 4 else 4 * FEW_RAYS  # the least records take less time each in large batches
+            name, samples, capacity = f"probe of {side}", min(samples, side), rays // side**2
+        elif side in (0, own):
+            name, side = "gather", own
+            samples, capacity = (0, 1) if settings.placement == "scan" else (samples, None)
+        else:
+            samples = min(samples * max(side, own) ** 2 // own**2, int(SETTINGS["light_samples"].high or 0))
+            capacity = FEW_RAYS // side**2 if side < own else None
+        settings = replace(settings, gather=basis.kind, gather_size=side, light_samples=samples)
+        emitters = samples > 0 and emitter_table(self.world) is not None
+        inputs = *replace(basis, settings=settings).way, basis.uses_surface_cache, basis.lights, emitters, capacity
+        return self._made.get(name, inputs, lambda: kinds.gather_pass(self.world, settings, capacity))
+
+    def _reduction(self, gradients: bool) -> ReducePass:
+        """Return the pass that reduces hemisphere samples to records' values. gradients: M and ∇E as well."""
+        return self._made.get(f"reduction {gradients}", (), lambda: ReducePass(self.ctx, gradients))
+
+    def _probed(self, gather: Gather, light: HitLight, sites: Sites, gradients: bool) -> RecordCache:
+        """Return records at `sites` outside the cache. The next call removes them."""
+        records = self._made.get("probes", (), lambda: RecordCache(self.ctx))
+        records.truncate(0)
+        numbers = records.append(sites) + np.arange(len(sites))
+        gather_records(gather, self._reduction(gradients), light, records, numbers, self.settings.seed)
+        return records
 
     @property
     def settings(self) -> Settings:
         """The settings by which records are gathered; without bounces, the last settings that had bounces."""
         return self.basis.settings
-
-    @property
-    def gather_pass(self) -> Gather:
-        """The pass that gathers records; the paper's algorithm gathers one record at a time."""
-        return self.gathers.gather(self.basis)
 
     @property
     def may_probe_holes(self) -> bool:
@@ -83,16 +150,16 @@ class RecordGatherer(Owner):
 
         side: of the square of probe rays.
         """
-        gather, light, found = self.gathers.probe(self.basis, side), self.light(shadows), [np.zeros(0)]
+        gather, light, found = self.gather_pass(side=side, probe=True), self.light(shadows), [np.zeros(0)]
         for some in gather.batches(len(sites), budget):
             with self.timers("examine"):
-                records = self.gathers.measure(gather, light, sites[some], self.settings, gradients=False).records
+                records = self._probed(gather, light, sites[some], gradients=False).records
                 found.append(records.read("irradiance")["irradiance"].astype(float) @ LUMINANCE)
         return np.concatenate(found)
 
     def probe_holes(self, shadows: ShadowMaps, probes: RecordCache, sites: Sites, budget: Budget) -> int:
         """Add probes of few rays at the first of these `sites` within the budget. Return their number."""
-        gather, light, reduction = self.gathers.probe(self.basis, SIDES[0]), self.light(shadows), self.gathers.reduction(False)
+        gather, light, reduction = self.gather_pass(side=SIDES[0], probe=True), self.light(shadows), self._reduction(False)
         done = 0
         for some in gather.batches(len(sites), budget):
             with probes.adding(sites[some]) as numbers:
@@ -158,7 +225,7 @@ class RecordGatherer(Owner):
                 surface.hold_light(shadows)
         try:
             self.world.apply(change)
-            self.gathers.gather(new)
+            self.gather_pass(new)
         except BaseException:
             self.atlas = None  # its gather may be gone
             self.world.apply(change.back)
@@ -266,7 +333,7 @@ class RecordGatherer(Owner):
                 self.basis = replace(self.basis, moved=True)
             unfinished = surface.relit and not surface.in_use.complete
             if before is not None and (unfinished or (basis.relit and surface.current and not followed)):
-                cache.invalidate(scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii))
+                cache.invalidate(scale_by_surface(cache, before, surface.at(sites), self.gather_pass().radii))
             if surface.level.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(cache.column("gather_size") == SIDE))
         if change is not None:
@@ -287,17 +354,17 @@ class RecordGatherer(Owner):
         due = cache.column("due")
         (numbers,) = np.nonzero(due)
         numbers, left = numbers[np.argsort(-due[numbers], kind="stable")], len(numbers)
-        for some in self.gathers.probe(self.basis, SIDE).batches(len(numbers), budget):
+        for some in self.gather_pass(side=SIDE, probe=True).batches(len(numbers), budget):
             chosen, left = numbers[some], len(numbers) - some.stop
-            cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
+            cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass().radii))
         if not left:
             self.basis = replace(self.basis, moved=False)
 
     def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
         """Return (N, 22) rough values of the records of these numbers, see columns_of."""
-        gather, settings = self.gathers.probe(self.basis, SIDE), self.settings
+        gather = self.gather_pass(side=SIDE, probe=True)
         with self.timers("gather"):
-            found = self.gathers.measure(gather, light, self.cache.sites(numbers), settings, settings.gradients)
+            found = self._probed(gather, light, self.cache.sites(numbers), self.settings.gradients)
             return columns_of(found, np.arange(len(numbers)))
 
     # ---- gathering -------------------------------------------------------------------------------------------------
@@ -333,12 +400,12 @@ class RecordGatherer(Owner):
         near: (N,) True for records that try a quarter of the rays first; all rays follow where the noise is too great.
         """
         sizes, few = np.full(len(numbers), size), 0 if size else self._fewer
-        reduction = self.gathers.reduction(self.settings.gradients)
+        reduction = self._reduction(self.settings.gradients)
         light, seed = self.light(shadows), self.settings.seed
         gathered = partial(gather_records, reduce=reduction, light=light, cache=self.cache, seed=seed, timers=self.timers)
         if few and near.any():
             (tried,) = np.nonzero(near)
-            self.atlas = gathered(self.gathers.gather(self.basis, few), numbers=numbers[tried])
+            self.atlas = gathered(self.gather_pass(side=few), numbers=numbers[tried])
             even = self.cache.records.read("noise")["noise"][numbers[tried]] <= _RAY_NOISE
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
@@ -359,8 +426,7 @@ class RecordGatherer(Owner):
 
     def _pass_along(self, size: int) -> Gather:
         """Return the pass that gathers records along size² rays; 0: the settings' side. Provisional records are probes, too."""
-        gathers, provisional = self.gathers, size > 0 and size == self._provisional_side
-        return gathers.probe(self.basis, size) if provisional else gathers.gather(self.basis, size)
+        return self.gather_pass(side=size, probe=size > 0 and size == self._provisional_side)
 
     @property
     def _fewer(self) -> int:
