@@ -9,7 +9,6 @@ repeated shadow maps are corrected, too.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -170,26 +169,23 @@ def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: 
     p_k, n_k, a = site.position[0], site.normal[0], np.float32(settings.a)
     d = float(np.linalg.norm(p_k - np.asarray(camera.eye)))
     r = float(bounded(settings.a * R, camera.measure((width, height)) * d, settings))
-    rows, columns = _box(p_k, r, camera, width, height)
+    rows, columns = _box(p_k, r, camera, (width, height))
     apart = seen.position[rows, columns] - p_k
     distance = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a)
     w = record_weight(distance, apart, seen.normal[rows, columns], n_k, r / settings.a, settings.hessian)
     weight[rows, columns] += np.where(seen.mask[rows, columns] & (w > 1.0 / a), w, np.float32(0.0))
 
 
-def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) -> tuple[slice, slice]:
-    """Return the rows and columns of pixels (top row first) that a sphere may cover; all if it reaches the eye's plane."""
-    x, y, z = camera.axes @ (centre - np.asarray(camera.eye))
+def _box(centre: np.ndarray, r: float, camera: Camera, size: tuple[int, int]) -> tuple[slice, slice]:
+    """Return the rows and columns of pixels (top row first) that a sphere may cover; all if it reaches the eye's plane.
+
+    A pixel of the sphere lies within the projection of the sphere's bounding box.
+    """
+    *lateral, z = camera.axes @ (centre - np.asarray(camera.eye))
     if -z <= r:
-        return slice(0, height), slice(0, width)
-    f = height / camera.screen  # pixels
-
-    def span(lateral: float, size: int) -> tuple[int, int]:
-        # the sphere's tangents in the plane of this axis and the view axis
-        half = math.asin(min(1.0, r / math.hypot(lateral, z)))
-        angle = math.atan2(lateral, -z)
-        low, high = (f * math.tan(max(-1.57, min(1.57, t))) + 0.5 * size for t in (angle - half, angle + half))
-        return max(0, math.floor(low) - 1), max(0, min(size, math.ceil(high) + 1))
-
-    (left, right), (bottom, top) = span(x, width), span(y, height)
-    return slice(max(0, height - top), height - min(bottom, height)), slice(left, right)
+        return slice(None), slice(None)
+    f = size[1] / camera.screen  # pixels
+    ends = f * np.add.outer((-r, r), lateral)[None] / np.array([-z - r, -z + r])[:, None, None] + 0.5 * np.array(size)
+    low, high = np.floor(ends.min((0, 1))) - 1.0, np.ceil(ends.max((0, 1))) + 1.0
+    (left, bottom), (right, top) = (np.clip(end, 0, size).astype(int).tolist() for end in (low, high))
+    return slice(size[1] - top, size[1] - bottom), slice(left, right)

@@ -112,12 +112,12 @@ class RecordScheduler(Owner):
 
     def need(self, screen: Screen) -> Need:
         """Return the present need of the view, without a gather."""
-        with self.timers("examine"):
-            return self._examination(screen, self.settings)[1]
+        return self._examination(screen, self.settings)[1]
 
     def _examination(self, screen: Screen, settings: Settings) -> tuple[Examination, Need]:
         """Return the examination of the view, and its need."""
-        found = screen.examine(settings)
+        with self.timers("examine"):
+            found = screen.examine(settings)
         # a quarter of the tiles requests a record if only every other pixel is examined
         requests = int(np.count_nonzero(found.requests)) * screen.pixel_stride**2
         return found, Need(found.missing, found.holes, requests, (screen.sums, settings.request_criteria))
@@ -127,34 +127,36 @@ class RecordScheduler(Owner):
     ) -> tuple[ViewState, int, bool]:
         """Gather records that the view requests, within the budget.
 
+        Further work waits until no tile requests a record: the spot check, then the reach of old records. Both may make tiles
+        request records again.
         side: of the gathers for a view that is refined, 0 for any other. Refinement evicts no record, and checks no spots.
         Return the view, the number of new records, and True if the round is complete.
         """
-        scan, new, complete = self.settings.placement == "scan" and not side, 0, True
+        scan, new, complete, changing = self.settings.placement == "scan" and not side, 0, True, self._changing
+        coarse, settled = view.pixel_stride > 1, False
         if scan:
             view, new, complete = self._scan(view, screen, shadows, budget)
         elif view.queue is None:
-            if self.cache.count < self._checked:
-                self._checked = 0
-            if self._changing:
-                view = replace(view, check=None)
-            elif view.check is not None:
-                return self._check(view, screen, shadows, budget, True), 0, False
-            view = self._select(view, screen, side)
+            self._checked = min(self._checked, self.cache.count)
+            if view.check is None or changing:
+                view = self._select(replace(view, check=None), screen, side)
+            if view.queue is None and not (view.checked or changing or coarse or side):
+                view = self._check(view, screen, shadows, budget)
+                if not view.checked:
+                    return view, 0, False
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
             sites, near = view.queue
             new = self.gatherer.gather(shadows, screen.requested(sites), budget, side, near)
-            view = replace(view, queue=Queue(sites[new:], near) if new < len(sites) else None)
-            complete = view.queue is None
-
-        if not complete:
+            complete = new == len(sites)
+            view = replace(view, queue=None if complete else Queue(sites[new:], near))
+        if not complete or not (new or coarse or not changing):
             return view, new, False
-        settled = False
         if not new:
-            view, ended, settled = self._close(view, screen, shadows, budget, not (scan or side))
-            if not ended:
-                return view, 0, False
+            if not changing:
+                view, limited = self.limit_radii(view, last=True)
+                settled = not (limited or coarse)  # otherwise further records may be missing
+            view = replace(view, pixel_stride=1)
         gained = view.need.missing < view.before.missing or view.need.holes < view.before.holes
         view = replace(
             view,
@@ -165,32 +167,13 @@ class RecordScheduler(Owner):
         )
         return view, new, new > 0 or settled
 
-    def _close(
-        self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool
-    ) -> tuple[ViewState, bool, bool]:
-        """Continue the work that waits until no tile requests records: the spot check, then the reach of old records.
-
-        Both may make tiles request records again. Return the view, True if one part is done, and True if that was the last part
-        and changed nothing.
-        """
-        if self._changing:  # every pixel is splatted meanwhile, and the other work waits
-            coarse = view.pixel_stride > 1
-            return (replace(view, pixel_stride=1) if coarse else view), coarse, False
-        if not (view.checked or view.pixel_stride > 1):
-            view = self._check(view, screen, shadows, budget, spots)
-            if not view.checked or view.queue is not None:
-                return view, view.checked, False
-        view, limited = self.limit_radii(view, last=True)
-        unchanged = not limited and view.pixel_stride == 1  # otherwise further records may be missing
-        return replace(view, pixel_stride=1), True, unchanged
-
     def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:
         """Return the places of a view, or of the part that `camera` draws, for a spot check, see SpotPass."""
         size = gbuffer.position.size
         with self.timers("examine"):
             return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera, margin)
 
-    def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
+    def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> ViewState:
         """Advance the spot check of a view that requests no record, within the budget, and queue records at failures.
 
         There is no check without new records since the last one, without room for further ones, nor with settings that ignore
@@ -199,7 +182,7 @@ class RecordScheduler(Owner):
         check, gatherer = view.check, self.gatherer
         if check is None:
             pays = gatherer.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]  # a gather has four times the rays
-            if not (spots and self.room and self.settings.spread and pays and self._checked < self.cache.count):
+            if not (self.room and self.settings.spread and pays and self._checked < self.cache.count):
                 return replace(view, checked=True)
             check = SpotCheck(self._unchecked(screen.spots()))
         while True:
@@ -252,16 +235,14 @@ class RecordScheduler(Owner):
     def _select(self, view: ViewState, screen: Screen, side: int) -> ViewState:
         """Return the view with its present need, and the queue of a new round, coarse to fine; None without a request."""
         settings = replace(self.settings, spread=0.0) if self._changing else self.settings
-        with self.timers("examine"):
-            found, need = self._examination(screen, settings)
-            reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles
-            step = view.step
-            while True:  # the next field of the chessboard follows a field without requests
-                board = chessboard(step, reach, need.requests)
-                tiles = choose(found.requests, board, settings.seed + step)
-                step += need.requests > 0  # an examination without requests is no step: small ticks may repeat it
-                if len(tiles[0]) or not need.requests:
-                    break
+        (found, need), step = self._examination(screen, settings), view.step
+        reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles
+        while True:  # the next field of the chessboard follows a field without requests
+            board = chessboard(step, reach, need.requests)
+            tiles = choose(found.requests, board, settings.seed + step)
+            step += need.requests > 0  # an examination without requests is no step: small ticks may repeat it
+            if len(tiles[0]) or not need.requests:
+                break
         sites = found.at(tiles)
         room = self.room if side else self._room(len(sites), screen)
         queue = Queue(sites[:room], board.colour < 0) if len(sites) and room else None
@@ -302,8 +283,7 @@ class RecordScheduler(Owner):
         gatherer = self.gatherer
         # records without a comparison after a change will all be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
-        records = self.cache.state(gatherer.has_pending_changes)
-        checked = self._checked if self.cache.count >= self._checked else 0
+        records, checked = self.cache.state(gatherer.has_pending_changes), min(self._checked, self.cache.count)
         return CacheState(records, bounces, settings, checked, self.adaptation.compared)
 
     def restore(self, state: CacheState) -> None:
