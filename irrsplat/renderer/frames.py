@@ -73,7 +73,7 @@ class Frames(Owner):
             self.refiner.leave()
         if moving and self.divisor > 1:
             return self._smaller_frame(camera, budget, gather)
-        start, other = now(), (camera,) != self.state.view.subject[:1]
+        other = (camera,) != self.state.view.subject[:1]
         dark = budget.limited and self.scheduler.gatherer.awaits_light and not self.cache.count
         shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
         self.state, done = self.round(self.state, camera, budget, gather, picture=shown is None)
@@ -81,8 +81,6 @@ class Frames(Owner):
             self.ctx.finish()
         bounced = self.scheduler.gatherer.surface_result
         if shown is not None and not done.progress.still and shown.bounced is bounced:
-            older = replace(shown, age=shown.age + now() - start)
-            self.state = replace(self.state, shown=older)
             return shown.view, replace(done.progress, accumulating=shown.view.accumulating)
         start = now()
         accumulating = budget.limited and self.state.settings.placement != "scan"
@@ -97,7 +95,8 @@ class Frames(Owner):
         if seconds is not None and other:
             took = self.state.splat_seconds + self.state.picture_seconds
             self._divisor = max(self._divisor, divisor_after(1, took, seconds))
-        self.state = replace(self.state, shown=Shown(view, (camera, *self.state.view_subject, self.state.settings), bounced))
+        subject = camera, *self.state.view_subject, self.state.settings
+        self.state = replace(self.state, shown=Shown(view, subject, bounced, now()))
         return view, replace(done.progress, accumulating=view.accumulating)
 
     def _smaller_frame(self, camera: Camera, budget: Budget, gather: bool) -> tuple[View, Progress]:
@@ -286,7 +285,7 @@ class Frames(Owner):
         # gathering gets half of the time, and three quarters once probes have corrected all stale records
         share = 0.0 if not len(self.cache.stale) else 1.0 if self.scheduler.gatherer.basis.moved else 3.0
         least = share * (splat + picture)
-        return shown.age < max(min(_PICTURE_SHARE * picture, _OLDEST_PICTURE), least)
+        return now() - shown.time < max(min(_PICTURE_SHARE * picture, _OLDEST_PICTURE), least)
 
     def check_present(self, view: View) -> None:
         """Raise InputError for a view of an earlier camera or size, whose buffers hold another one."""

@@ -1,6 +1,6 @@
 """The library's renderer: frames, whole renders and scene changes, in world space and any OpenGL context.
 
-Read `Frames.frame` (frames.py) for the frame, and `WholeRenders.render` (whole_renders.py) for a render.
+Read `Frames.frame` (frames.py) for the frame, and `render` (whole_renders.py) for a render.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import named
-from irrsplat.gpu import self_test
+from irrsplat.gpu import context, self_test
 from irrsplat.gpu.resource import Tenant
 from irrsplat.gpu.target import Screen, pixels
 from irrsplat.gpu.time_budget import Budget
@@ -33,10 +33,9 @@ from irrsplat.indirect.splat import ViewSplats
 from irrsplat.lighting import gl_limits
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.renderer import tiling
+from irrsplat.renderer import tiling, whole_renders
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import State
-from irrsplat.renderer.whole_renders import WholeRenders
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.model.checks import check_callback, check_type, checked_number
 from irrsplat.scene.motion import moved, posed, repainted
@@ -85,7 +84,6 @@ class Renderer(Tenant):
             self.cache = self.own(RecordCache(self.ctx))
             self.scheduler = self.own(RecordScheduler(self.world, state.settings, self.cache, self.timers))
             self._frames = self.own(Frames(self.world, self.scheduler, self.timers, state, WeakMethod(self._read)))
-            self._whole = WholeRenders(self._frames, self.about, checked=self._owns_ctx)
             self.stages = self._frames.stages
 
     # ---- the present state ------------------------------------------------------------------------------------------
@@ -211,7 +209,7 @@ class Renderer(Tenant):
     def _read(self, view: View) -> Frame:
         """Return a view's frame, see View.read."""
         self._use()
-        return self._whole.read(view).placed(self._origin)
+        return whole_renders.read(self._frames, view).placed(self._origin)
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """Return the `view` that `frame` gave last with `samples` a pixel, or with as many more than last time as `seconds` has.
@@ -353,7 +351,7 @@ class Renderer(Tenant):
         self._use_whole()
         check_callback("progress", progress)
         self._frames.refiner.leave()
-        done, stats = self._whole.filled(self._seen_by(camera), progress)
+        done, stats = whole_renders.filled(self._frames, self._seen_by(camera), progress)
         return self.stages.draw_picture(self._frames.state, done), stats
 
     def render(
@@ -379,7 +377,12 @@ class Renderer(Tenant):
         Raises InputError for `figures`, or a `quality` among the settings, without `gather`: both need further records.
         """
         self._use()
-        return self._whole.render(self._seen_by(camera), progress, figures, buffers, gather).placed(self._origin)
+        try:
+            frame = whole_renders.render(self._frames, self._seen_by(camera), progress, figures, buffers, gather)
+        finally:
+            if self._owns_ctx:  # nobody else causes errors in it
+                context.check_errors(self.ctx)
+        return frame.placed(self._origin)
 
     def coverage(self, camera: Camera | str | None = None) -> float:
         """Return the share of the pixels with a surface, 0..1, at which `camera` requests no record; the cache stays as it is."""

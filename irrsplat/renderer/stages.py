@@ -153,6 +153,7 @@ class Stages(Owner):
         backdrop = backdrop_of(state.scene, settings, sky_maps(self.world))
         probed = filling and accumulating and (coarse or done.progress.coverage < COVERED)
         probes = self.scheduler.hole_probes if probed else None
+        light = HoleLight(probes, {} if held is None else gatherer.surface_uniforms, coarse)
         probe_state = probes and (probes.light, probes.cache.revision, probes.cache.count)
         subject = gbuffer, lit_by, splats, settings.blend, filling, held, probe_state, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
@@ -164,16 +165,16 @@ class Stages(Owner):
             stop_for_input()
             shown = splats
             if filling:
-                fill, lookup = self.hole_filling(state), {} if held is None else gatherer.surface_uniforms
+                fill = self.hole_filling(state)
                 with self.timers("composite"):
-                    if lookup and not accumulating:
-                        shown = fill.by_surface(gbuffer, splats, lookup)
+                    if light.surface and not accumulating:
+                        shown = fill.by_surface(gbuffer, splats, light.surface)
                     else:
-                        shown = fill(gbuffer, splats, done.camera, HoleLight(probes, lookup, coarse))
+                        shown = fill(gbuffer, splats, done.camera, light)
             if accumulating:
-                light, other = (held, gatherer.basis), gatherer.provisional or gatherer.basis.moved
+                scene, other = (held, gatherer.basis), gatherer.provisional or gatherer.basis.moved
                 with self.timers("composite"):
-                    shown = temporal_filter(shown, gbuffer, done.camera, subject, light, filling, other)
+                    shown = temporal_filter(shown, gbuffer, done.camera, subject, scene, filling, other)
                 stop_for_input()
             shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
             direct = self._memo.get("direct", (gbuffer, lit_by), lambda: self._direct(state, gbuffer, *lit_by))

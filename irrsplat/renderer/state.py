@@ -16,13 +16,13 @@ from irrsplat.surface_cache.transport import BouncedLight
 class Shown:
     """The last picture.
 
-    subject: all its inputs except the records. bounced: the values of the surface cache in it. age: seconds of ticks since.
+    subject: all its inputs except the records. bounced: the values of the surface cache in it. time: of its end, seconds.
     """
 
     view: View
     subject: tuple[object, ...]
     bounced: BouncedLight | None
-    age: float = 0.0
+    time: float
 
 
 @dataclass(frozen=True)

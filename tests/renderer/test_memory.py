@@ -20,7 +20,6 @@ from irrsplat.image import frame as output
 from irrsplat.image.backdrop import BackdropKind
 from irrsplat.image.frame import RECORDS, Frame
 from irrsplat.renderer import memory, whole_renders
-from irrsplat.renderer.whole_renders import WholeRenders
 from irrsplat.settings import preset
 from tests.renderer.test_renderer import FAST, room
 
@@ -119,7 +118,7 @@ def test_the_end_of_memory_ends_in_one_line(
     def none(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(WholeRenders, "render", none)
+    monkeypatch.setattr(whole_renders, "render", none)
     assert cli.main(["render", "-o", str(tmp_path / "x.png")]) == 1
     err = capsys.readouterr().err
     assert err.startswith("irrsplat: out of memory; take a smaller --size") and err.count("\n") == 1
