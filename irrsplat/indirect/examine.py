@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -151,38 +150,28 @@ def _stride(count: int) -> int:
     return next(n for n in range(requested, requested + count + 1) if math.gcd(n, count) == 1)
 
 
-class Chessboard(NamedTuple):
-    """Squares of the screen that get one record each in a round.
+def chessboard(step: int, reach: float, requests: int) -> tuple[int, int]:
+    """Return the width of squares of tiles that get one record each in step 0, 1, 2, … of a view, and their colour.
 
-    width: of a square, in tiles. colour: of the squares in use, 0 or 1; -1 for both, in the last rounds, when each site has
-    records around it.
-    """
-
-    width: int
-    colour: int
-
-
-def chessboard(step: int, reach: float, requests: int) -> Chessboard:
-    """Return the chessboard for step 0, 1, 2, … of a view with so many tiles that request a record (`requests`).
-
-    The squares shrink from the farthest reach of a record (`reach`, in tiles) to two tiles, with two steps for each width; then
-    come those of two tiles of both colours, or single tiles where few request a record. A view with few requests from the start,
-    for example after a small move of the camera, begins with these.
+    The squares form a chessboard; those of one colour, 0 or 1, are in use. Colour -1 stands for both, in the last rounds, when
+    each site has records around it. The squares shrink from the farthest reach of a record (`reach`, in tiles) to two tiles, with
+    two steps for each width; then come those of two tiles of both colours, or single tiles where few request a record. A view
+    with few requests from the start, for example after a small move of the camera, begins with these.
+    requests: the number of tiles that request a record.
     """
     levels = 0 if requests < _FEW else max(int(math.log2(max(reach, 1.0))), 0)
     if step < 2 * levels:
-        return Chessboard(2 ** (levels - step // 2), step % 2)
-    return Chessboard(1 if requests < _FEW else 2, -1)
+        return 2 ** (levels - step // 2), step % 2
+    return 1 if requests < _FEW else 2, -1
 
 
-def choose(requests: np.ndarray, board: Chessboard, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the (rows, columns) of the chosen tiles: a random tile with requests > 0 in each used square of the board.
+def choose(requests: np.ndarray, side: int, colour: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the (rows, columns) of the chosen tiles: a random tile with requests > 0 in each used square, see `chessboard`.
 
     The tiles come in random order, so that the first few are spread over the screen.
     """
     height, width = requests.shape
     rows, columns = np.nonzero(requests > 0)
-    side, colour = board.width, board.colour
     squares = (rows // side) * -(-width // side) + columns // side
     if colour >= 0:
         mine = (rows // side + columns // side) % 2 == colour

@@ -23,7 +23,7 @@ CELLS = 20_000  # cells of a picture, about: a probe in each takes a fraction of
 _MOST = 1 << 15  # greatest number of probes: a flight's earlier ones go
 _STEPS = 1, 2, 4  # distances of the filter's samples in its steps, cells; without a surface cache, further steps light all others
 _HOLES = DrawState(depth="<", depth_write=False)  # draws at marked pixels alone
-_SPARSE = 16  # width of the square of cells that probes fill evenly, from sparse to dense
+_EVEN = 0.75487767, 0.56984029  # additive sequence of cells, of which any first ones are evenly spread (R2, Roberts 2018)
 
 
 class HoleProbes(Owner):
@@ -129,7 +129,7 @@ class HoleFilling(Owner):
         self._draw_samples(gbuffer, splats, camera, light)
         position, normal, rest, samples = (self._cells.read(i)[::-1] for i in range(4))
         rows, columns = np.nonzero((rest[..., 2] > 0.0) & (samples[..., 3] < 1.0))
-        at = np.argsort(_order()[rows % _SPARSE, columns % _SPARSE], kind="stable")
+        at = np.argsort((_EVEN[0] * columns + _EVEN[1] * rows) % 1.0, kind="stable")
         chosen = rows[at], columns[at]
         geometric = octahedral_decode(normal[chosen][:, 3], rest[chosen][:, 0])
         there, triangle = position[chosen][:, :3], rest[chosen][:, 1].astype(np.intp)
@@ -192,11 +192,3 @@ class HoleFilling(Owner):
             pixel_stride=stride,
         )
         return target
-
-
-def _order() -> np.ndarray:
-    """Return (_SPARSE, _SPARSE) ranks of cells in a square, of which any first ones are evenly spread (Bayer 1973)."""
-    ranks = np.zeros((1, 1), np.intp)
-    while len(ranks) < _SPARSE:
-        ranks = np.block([[4 * ranks, 4 * ranks + 2], [4 * ranks + 3, 4 * ranks + 1]])
-    return ranks

@@ -20,7 +20,7 @@ from irrsplat.indirect.examine import Examination, ExaminePass, Screen, chessboa
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.indirect.hole_filling import HoleProbes
 from irrsplat.indirect.paper_scan import Scan, gather_record, read_back
-from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
+from irrsplat.indirect.view_state import Need, Phase, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
 from irrsplat.records.culling import kept
@@ -146,10 +146,9 @@ class RecordScheduler(Owner):
                     return view, 0, False
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
-            sites, near = view.queue
-            new = self.gatherer.gather(shadows, screen.requested(sites), budget, side, near)
-            complete = new == len(sites)
-            view = replace(view, queue=None if complete else Queue(sites[new:], near))
+            new = self.gatherer.gather(shadows, screen.requested(view.queue), budget, side, view.near)
+            complete = new == len(view.queue)
+            view = replace(view, queue=None if complete else view.queue[new:])
         if not complete or not (new or coarse or not changing):
             return view, new, False
         if not new:
@@ -197,7 +196,7 @@ class RecordScheduler(Owner):
                 return replace(view, check=check)
         sites = check.significant.sites[: self.room]
         self._checked = self.cache.count + len(sites)
-        return replace(view, check=None, checked=True, queue=Queue(sites, False) if len(sites) else None, stalled_rounds=0)
+        return replace(view, check=None, checked=True, queue=sites if len(sites) else None, near=False, stalled_rounds=0)
 
     def _unchecked(self, spots: Spots) -> Spots:
         """Return the places where half of the records around are new since the last spot check, and have little noise.
@@ -238,15 +237,15 @@ class RecordScheduler(Owner):
         (found, need), step = self._examination(screen, settings), view.step
         reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles
         while True:  # the next field of the chessboard follows a field without requests
-            board = chessboard(step, reach, need.requests)
-            tiles = choose(found.requests, board, settings.seed + step)
+            width, colour = chessboard(step, reach, need.requests)
+            tiles = choose(found.requests, width, colour, settings.seed + step)
             step += need.requests > 0  # an examination without requests is no step: small ticks may repeat it
             if len(tiles[0]) or not need.requests:
                 break
         sites = found.at(tiles)
         room = self.room if side else self._room(len(sites), screen)
-        queue = Queue(sites[:room], board.colour < 0) if len(sites) and room else None
-        return replace(view, need=need, step=step, queue=queue, full=room < len(sites))
+        queue = sites[:room] if len(sites) and room else None
+        return replace(view, need=need, step=step, queue=queue, near=colour < 0, full=room < len(sites))
 
     def _scan(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> tuple[ViewState, int, bool]:
         """Gather by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""

@@ -39,14 +39,6 @@ class Need(NamedTuple):
     of: tuple[object, ...] = ()
 
 
-class Queue(NamedTuple):
-    """Sites that wait for a gather. near: True if they have the greatest density, so that their records cover only near
-    surfaces."""
-
-    sites: Sites
-    near: bool
-
-
 @dataclass(frozen=True)
 class ViewState:
     """The progress of one view.
@@ -54,9 +46,10 @@ class ViewState:
     subject: all inputs of its requests, the camera first; empty for no view. pixel_stride: 2 while only every other pixel is
     splatted, in both directions. rounds: number of complete rounds. stalled_rounds: number of successive rounds without gain in
     coverage. step: of the site selection, coarse to fine. need, before: at the beginning of the present round, and of the last
-    complete round. queue: the waiting sites of the present round; None between rounds. check: the unfinished spot check;
-    checked: True after the check. full: True if the view needs more records than the limit. holes: the cells that still lack a
-    probe, see HoleFilling; None: unknown. scan: the traversal of the paper's algorithm.
+    complete round. queue: the waiting sites of the present round; None between rounds. near: True if they have the greatest
+    density, so that their records cover only near surfaces. check: the unfinished spot check; checked: True after the check.
+    full: True if the view needs more records than the limit. holes: the cells that still lack a probe, see HoleFilling; None:
+    unknown. scan: the traversal of the paper's algorithm.
     """
 
     subject: tuple[object, ...] = ()
@@ -67,7 +60,8 @@ class ViewState:
     step: int = 0
     need: Need = Need()
     before: Need = Need()
-    queue: Queue | None = None
+    queue: Sites | None = None
+    near: bool = False
     check: SpotCheck | None = None
     checked: bool = False
     full: bool = False

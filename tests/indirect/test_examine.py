@@ -8,7 +8,7 @@ import pytest
 
 from irrsplat.core.buffers import NOTHING_SEEN, SplatBuffer
 from irrsplat.gpu.target import float_texture
-from irrsplat.indirect.examine import Chessboard, Examination, ExaminePass, choose, tile_side
+from irrsplat.indirect.examine import Examination, ExaminePass, choose, tile_side
 from irrsplat.settings import Settings
 from tests.support.worlds import error_scale, gbuffer_of
 
@@ -106,7 +106,7 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
 def test_sites_of_a_round_lie_apart(spacing: int, colour: int) -> None:
     """One requesting tile is chosen in each square of `spacing` tiles, of one colour of the chess board or of all squares."""
     requests = np.random.default_rng(3).integers(0, 3, (23, 31))
-    rows, columns = choose(requests, Chessboard(spacing, colour), seed=0)
+    rows, columns = choose(requests, spacing, colour, seed=0)
     assert (requests[rows, columns] > 0).all()
     squares = list(zip((rows // spacing).tolist(), (columns // spacing).tolist(), strict=True))
     assert len(set(squares)) == len(squares)
@@ -116,5 +116,5 @@ def test_sites_of_a_round_lie_apart(spacing: int, colour: int) -> None:
         if colour < 0 or (r // spacing + c // spacing) % 2 == colour
     }
     assert set(squares) == requested, "no square that asks is left out"
-    again = choose(requests, Chessboard(spacing, colour), seed=0)
+    again = choose(requests, spacing, colour, seed=0)
     assert np.array_equal(rows, again[0]) and np.array_equal(columns, again[1])

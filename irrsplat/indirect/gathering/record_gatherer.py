@@ -231,13 +231,12 @@ class RecordGatherer(Owner):
             self.world.apply(change.back)
             raise
         try:
-            kept = self._follow_records(old, new, change)
+            return self._follow_records(old, new, change)
         except BaseException:
             cache.truncate(0)
             self._made.clear()
             self.atlas, self.basis = None, new
             raise
-        return kept
 
     def _follow_records(self, old: Basis, new: Basis, change: SceneChange) -> np.ndarray | None:
         """Let the records and the surface cache follow the scene and the settings. Return the numbers of kept records, None for
@@ -249,23 +248,23 @@ class RecordGatherer(Owner):
         if change.moved:
             kept = cache.move_with_meshes(change)
             cache.keep_only(kept)
+        other = bool(change) and change.dimming is None
         if change.dimming is not None:
             cache.dim(change.dimming)
-        elif change:
-            new = replace(new, moved=True, relit=old.relit or change.changes_light, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings, change)
-        gathered, switched = old.way != new.way, old.uses_surface_cache != new.uses_surface_cache
-        if gathered or switched or old.lights != new.lights or was.placement != settings.placement:
+        switched = old.uses_surface_cache != new.uses_surface_cache
+        if old.way != new.way or switched or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # the gather of this atlas is gone
         more = settings.gradients and not was.gradients  # records of gathers without gradients have none
-        if was.most_bounces != settings.most_bounces:  # the first values of the surface cache replace the light of a file
+        gathered = old.way != new.way or more or was.shadow_size != settings.shadow_size
+        new = replace(new, moved=old.moved or other, relit=old.relit or (other and change.changes_light))
+        if other or gathered or was.most_bounces != settings.most_bounces:  # values of the surface cache replace a file's light
             new = replace(new, from_file=None)
-        if gathered or more or was.shadow_size != settings.shadow_size:
+        if gathered:
             cache.invalidate()
-            new = replace(new, from_file=None)
-        elif switched or (change.changes_light and change.dimming is None):
+        elif switched or (other and change.changes_light):
             new = replace(new, moved=True)
             cache.column("due")[:] += 1.0
             if settings.gather_size >= _NEAR_EXACT or new.kind == "plane":  # probes are coarser than these gathers
@@ -298,7 +297,10 @@ class RecordGatherer(Owner):
             return False
         if not (postponed and self.awaits_light):
             self.world.prebuild(self._needs_tree)
-        return self._advance(shadows, budget, idle)
+        ready = self._advance(shadows, budget, idle)
+        if ready:
+            self._probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
+        return ready
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache if the records come from a file without one, since further records are to be gathered."""
@@ -312,7 +314,6 @@ class RecordGatherer(Owner):
         """
         surface, basis, cache = self.surface, self.basis, self.cache
         if surface is None:
-            self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
             return True
         first, coarse = surface.result is None, surface.is_coarse
         sites = cache.sites(slice(0, cache.count))
@@ -340,12 +341,9 @@ class RecordGatherer(Owner):
             self.basis = replace(self.basis, relit=self.basis.relit and not surface.current, from_file=None)
         # coarse values of light before and after a change are older than the light that probes find
         current = surface.current or (change is not None and surface.in_use.follower is not None)
-        ready = surface.result is not None and current
-        if ready:
-            self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
-        return ready
+        return surface.result is not None and current
 
-    def probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
+    def _probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Probe the records that a change may affect, the most affected first: correct their values, and mark records that have
         changed too much as stale."""
         if not self.basis.moved:
