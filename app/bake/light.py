@@ -22,8 +22,7 @@ from irrsplat.gather.kinds import shadow_caster
 from irrsplat.gpu.resource import Owner, Tenant
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.indirect.view_state import Phase, ViewState
+from irrsplat.indirect.scheduler import Phase, RecordScheduler, ViewState
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.lit_scene import LitScene

@@ -31,9 +31,8 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, Seen, read_back
-from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.indirect.scheduler import Phase, RecordScheduler, ViewState
 from irrsplat.indirect.splat import ViewSplats
-from irrsplat.indirect.view_state import Phase, ViewState
 from irrsplat.scene.model import Camera
 from irrsplat.settings import SETTINGS
 

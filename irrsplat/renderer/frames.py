@@ -15,6 +15,7 @@ import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.core.errors import InputError
+from irrsplat.core.memo import Memo
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import checked_by, never
 from irrsplat.gpu.context import is_gone
@@ -28,13 +29,12 @@ from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
 from irrsplat.indirect.hole_filling import CELLS, HoleFilling, HoleLight
 from irrsplat.indirect.refinement import Refiner
-from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.indirect.scheduler import Need, Phase, RecordScheduler, ViewState
 from irrsplat.indirect.splat import first_stride
-from irrsplat.indirect.view_state import Need, Phase, ViewState
 from irrsplat.lighting.light_table import unshadowed_luminance
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
-from irrsplat.renderer.tiles import TileScreens
+from irrsplat.renderer.tiles import tile_screen
 from irrsplat.scene.model import Camera
 from irrsplat.scene.model.checks import check_type
 
@@ -58,7 +58,7 @@ class Frames(Owner):
         self.stages = self.own(Stages(world, scheduler, self.maps, timers, reader))
         self.small = self.own(Stages(world, scheduler, self.maps, timers, reader))  # of a moving camera's smaller views
         self.refiner = self.own(Refiner(world, scheduler, timers))
-        self._tiles = TileScreens(self.stages)
+        self._tiles = Memo()  # examinations of tiles
         self._divisor, self._small = 1, ((0, 0), 0.0, 0.0)  # of the last smaller view: size, seconds of splats and picture
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
@@ -147,17 +147,22 @@ class Frames(Owner):
         gather: False leaves the cache as it is. picture: True if time is reserved for a picture. stages: of the view's size;
         default: of whole views.
         """
-        scheduler, cache, bounces = self.scheduler, self.cache, state.settings.most_bounces > 0
+        scheduler, gatherer, cache = self.scheduler, self.scheduler.gatherer, self.cache
         stages, later = stages or self.stages, state.picture_seconds if picture else 0.0
-        shadows = self.follow_scene(state, camera)  # 3.3
+        bounces, reserve = state.settings.most_bounces > 0, state.splat_seconds + later
+        scheduler.apply(state.settings, state.scene, self.stages.shadows(state))
+        stages.world.eyes = np.array([camera.eye])
+        shadows = self.stages.draw_shadows(state)  # 3.3
         gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
         view = self.view_state(state, camera)
         if stages is self.small:
             view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera
 
-        reserve = state.splat_seconds + later
-        ready = gather and bounces and self._light_records(view, shadows, budget, reserve)
-        renewed = 0
+        idle = (view.phase is Phase.SETTLED or view.coverage == 1.0) and not len(cache.stale)
+        dark, renewed = gatherer.surface_now is None, 0
+        ready = gather and bounces and gatherer.prepare(shadows, budget.part(1.0, reserve), idle)
+        if dark and gatherer.surface_now is not None and budget.limited and budget.left <= 0.0:
+            ready = False  # the first light is shown at once: passes that gather records take a tenth of a second to make
         if ready:  # 2.1, records whose light has changed
             # half of the time while pixels without a record wait too
             part = budget.part(1.0 if view.coverage == 1.0 else 0.5, reserve if picture else 0.0)
@@ -179,15 +184,19 @@ class Frames(Owner):
         state = replace(state, splat_seconds=now() - start)
 
         of, new, complete = (screen.sums, state.settings.request_criteria), 0, True
-        gatherer = scheduler.gatherer
         probing = budget.limited and gather and bounces and state.settings.fill_holes and gatherer.may_probe_holes
         if scheduler.hole_probes.follow(gatherer.surface_result, gatherer.basis.scene, state.settings.shadow_size):
             view = replace(view, holes=None)
         first = not (cache.count or scheduler.hole_probes.cache.count)
         if not bounces:
             view = replace(view, need=Need(missing=0.0))
-        elif not ready or view.stalled:
-            view, complete = self._examine(view, screen, of, ready, gather)
+        elif not ready or view.stalled:  # records wait for their light, or rounds gain no coverage
+            # the last round of a stalled view may have covered all pixels; the first record comes before any examination
+            if view.need.of != of and (cache.count or not gather):
+                view = replace(view, need=scheduler.need(screen))
+            complete = ready if gather else view.pixel_stride == 1
+            if not gather:
+                view = replace(view, pixel_stride=1)
         elif not view.ended(of):  # 2.3 and 2.1
             part = budget.part(1.0 - _HOLES if probing and view.lacks_probes else 1.0, later)
             view, new, complete = scheduler.gather_missing(view, screen, shadows, part)
@@ -215,26 +224,10 @@ class Frames(Owner):
         whole = any(run.appearance.normal is not None for run in self.stages.world.runs)
         return ViewState(subject, 1 if whole else first_stride(state.settings, state.size))
 
-    def follow_scene(self, state: State, camera: Camera) -> ShadowMaps:
-        """Let records and surface cache follow the scene's changes, and return its shadow maps for a view."""
-        self.scheduler.apply(state.settings, state.scene, self.stages.shadows(state))
-        self.stages.world.eyes = np.array([camera.eye])
-        return self.stages.draw_shadows(state)
-
-    def _light_records(self, view: ViewState, shadows: ShadowMaps, budget: Budget, reserve: float) -> bool:
-        """Advance the surface cache, which lights the records. Return True if records may be gathered in this round."""
-        gatherer = self.scheduler.gatherer
-        idle = (view.phase is Phase.SETTLED or view.coverage == 1.0) and not len(self.cache.stale)
-        dark = gatherer.surface_now is None
-        ready = gatherer.prepare(shadows, budget.part(1.0, reserve), idle)
-        # the first light is shown at once: passes that gather records take a tenth of a second to make
-        first = dark and gatherer.surface_now is not None
-        return ready and not (first and budget.limited and budget.left <= 0.0)
-
     def _screen(self, state: State, camera: Camera, stride: int, stages: Stages) -> Screen:
         """Return the view for the examination, with the splats of all records at every `stride`-th pixel."""
         if state.tile:
-            return self._tiles(state, camera, stride)
+            return tile_screen(self.stages, self._tiles, state, camera, stride)
         gbuffer = stages.draw_gbuffer(state, camera)
         splats = stages.splats(state).update(self.cache, gbuffer, camera, state.settings, stride)
         return self.scheduler.screen(gbuffer, splats, camera)
@@ -251,21 +244,6 @@ class Frames(Owner):
                 holes = filling.sites(gbuffer, splats, screen.camera, light)
         holes = holes[gatherer.probe_holes(shadows, probes.cache, holes[:least], Budget(None)) :]
         return replace(view, holes=holes[gatherer.probe_holes(shadows, probes.cache, holes, budget) :])
-
-    def _examine(
-        self, view: ViewState, screen: Screen, of: tuple[object, ...], ready: bool, gather: bool
-    ) -> tuple[ViewState, bool]:
-        """Examine a view that gathers no record in this round: records wait for their light, or rounds gain no coverage.
-
-        of: the sums and the criteria of the examination. ready: True if records have light. gather: True if they may be gathered.
-        Return the view, and True if the round is complete.
-        """
-        # the last round of a stalled view may have covered all pixels; the first record comes before any examination
-        if view.need.of != of and (self.cache.count or not gather):
-            view = replace(view, need=self.scheduler.need(screen))
-        if gather:  # records that wait for their light are left to gather
-            return view, ready
-        return replace(view, pixel_stride=1), view.pixel_stride == 1
 
     def progress(self, view: ViewState, new: int = 0, complete: bool = True, renewed: int = 0) -> Progress:
         """Return the progress of a view by a round with so many `new` and `renewed` records. complete: True if no site waits."""

@@ -33,7 +33,7 @@ from irrsplat.indirect.splat import ViewSplats
 from irrsplat.lighting import gl_limits
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.renderer import tiling, whole_renders
+from irrsplat.renderer import tiles, whole_renders
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import State
 from irrsplat.scene.model import Camera, Light, Material, Scene
@@ -69,16 +69,16 @@ class Renderer(Tenant):
         tile_size: int | None = None,
         **settings: Unpack[SettingValues],
     ) -> None:
-        tile_size = tiling.checked_tile_size(tile_size)
+        tile_size = tiles.checked_tile_size(tile_size)
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         scene = scene.recentred
         self._origin, scene = scene.origin, scene.local  # only the callers' values are not relative to the origin
-        state = State(scene, settings_of(preset, **settings), preset, tiling.checked_size(size), tile_size=tile_size)
+        state = State(scene, settings_of(preset, **settings), preset, tiles.checked_size(size), tile_size=tile_size)
         self._loaded = scene.meshes  # as they were before any of them moved
         with self._moving_in(ctx):
             self_test.numbers_triangles(self.ctx)
-            state = tiling.checked(state, self.ctx, again=True)
+            state = tiles.checked(state, self.ctx, again=True)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
             self.world = self.own(World(self.ctx, scene))
             self.cache = self.own(RecordCache(self.ctx))
@@ -122,7 +122,7 @@ class Renderer(Tenant):
     def notices(self) -> tuple[str, ...]:
         """One-line remarks for a user on parts of the scene that cannot be shown; the scene has notices of its own."""
         return (
-            *tiling.notices(self._frames.state),
+            *tiles.notices(self._frames.state),
             *gl_limits.shadow_notices(self.ctx, self._frames.state.scene, self.settings.shadow_size),
             *self.stages.maps.notices(self.world.runs),
             *self.world.materials.notices,
@@ -159,7 +159,7 @@ class Renderer(Tenant):
     def _use_whole(self) -> None:
         """Make its context the current one, to draw whole views; raises InputError where they are drawn in tiles."""
         self._use()
-        tiling.check_whole(self._frames.state)
+        tiles.check_whole(self._frames.state)
 
     def _seen_by(self, camera: Camera | str | None) -> Camera:
         """Return a caller's camera relative to the origin."""
@@ -293,12 +293,12 @@ class Renderer(Tenant):
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the size (width, height) of views; the records stay. Raises InputError for an unsupported size."""
-        self._change_to(replace(self._frames.state, size=tiling.checked_size(size)))
+        self._change_to(replace(self._frames.state, size=tiles.checked_size(size)))
 
     def _change_to(self, state: State) -> None:
         """Change scene, size or settings; if the change is refused, all of them stay as before."""
         self._use()
-        self._frames.change_to(tiling.checked(state, self.ctx, again=state.size != self.size))
+        self._frames.change_to(tiles.checked(state, self.ctx, again=state.size != self.size))
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw every buffer of the view again next time; without the present `records`, and the `lights`' shadow maps."""

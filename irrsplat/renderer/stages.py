@@ -25,10 +25,9 @@ from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Reader, View
 from irrsplat.indirect.hole_filling import HoleFilling, HoleLight
-from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.indirect.scheduler import COVERED, RecordScheduler
 from irrsplat.indirect.splat import ViewSplats, batches
 from irrsplat.indirect.temporal_filter import TemporalFilter
-from irrsplat.indirect.view_state import COVERED
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import focus_of, light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass

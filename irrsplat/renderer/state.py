@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.image.view import Progress, View
-from irrsplat.indirect.view_state import ViewState
+from irrsplat.indirect.scheduler import ViewState
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.transport import BouncedLight

@@ -1,75 +1,158 @@
 """Pictures in tiles: a large picture is examined and drawn a part at a time, so that only its arrays have its size.
 
+Pictures have tiles by the caller's choice, or where memory or OpenGL's texture limit requires tiles.
+
 The whole picture requests records, in the rounds of a picture in one piece. Each round draws and examines every tile, and joins
 the examinations before it chooses sites. Then every tile is drawn by the records of the whole picture.
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 
+import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
+from irrsplat.core.errors import InputError
 from irrsplat.core.memo import Memo
 from irrsplat.gather.spot_check import MARGIN, Spots
+from irrsplat.gpu import context
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import automatic_exposure, metered
 from irrsplat.image.view import BUFFERS, View, reflectance, uncovered
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
+from irrsplat.lighting import gl_limits
 from irrsplat.lighting.light_table import unshadowed_luminance
 from irrsplat.records.culling import reaching
+from irrsplat.renderer import memory
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera, Part, part_of
-from irrsplat.settings import Settings
+from irrsplat.settings import LEAST_TILE, MOST_TILE, Settings
+
+TILE = 1024  # pixels along a side of tiles by default
 
 
-class TileScreens:
-    """The examination of views that are drawn in tiles. A tile that no new record reaches is not examined again."""
+def fitting(state: State, ctx: moderngl.Context, buffers: Collection[str] | None = memory.PICTURE) -> State:
+    """Return `state`, with tiles if its pictures with these `buffers` need them.
 
-    def __init__(self, stages: Stages) -> None:
-        self.stages, self.scheduler, self.cache = stages, stages.scheduler, stages.scheduler.cache
-        self._memo = Memo()
+    Raises InputError for pictures that do not fit into memory, or into a texture.
+    """
+    software = bool(context.describe(ctx)["software"])
+    tile, size = state.tile_size or state.tile, state.size
+    short = memory.shortage(size, state.scene, state.settings, software, buffers, tile)
+    if state.tile_size is None and not tile and (short or max(size) > gl_limits.largest(ctx)):
+        tile = TILE
+        short = memory.shortage(size, state.scene, state.settings, software, buffers, tile)
+    if short:
+        raise InputError(short)
+    return replace(state, tile=tile)
 
-    def __call__(self, state: State, camera: Camera, pixel_stride: int) -> Screen:
-        """Return the view for the examination, with splats at every `pixel_stride`-th pixel."""
-        sums = camera, state.view_subject, pixel_stride, self.cache.revision, self.cache.count
-        examine, spots = partial(self._examine, state, camera, pixel_stride), partial(self._spots, state, camera)
-        return Screen(camera, state.size, pixel_stride, sums, examine, spots)
 
-    def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
-        """Return the examination of all tiles. A tile that no new record reaches keeps its last result."""
-        cache, count = self.cache, self.cache.count if settings.most_bounces > 0 else 0
-        inputs = camera, state.view_subject, state.tile, stride, settings, cache.revision
-        held: dict[Part, tuple[int, Examination]] = self._memo.get("examined", inputs, dict)  # with the number of its records
-        cells = tile_count(state.size, stride)
-        step = tile_side(state.size, stride) * stride  # pixels, of a tile of the examination
-        across, up = (min(max(1, state.tile // step), n) for n in cells)
-        whole: dict[str, np.ndarray] = {}
-        for column, row in _grid(cells, (across, up)):
-            part = Part(state.size, (column * step, row * step), (across * step, up * step))
-            seen, (before, found) = part_of(camera, part), held.get(part, (0, None))
-            if found is None or len(reaching(cache, before, seen, part.size, settings)):
-                here = replace(state, size=part.size)
-                found = self.scheduler.examined(*_splatted(self.stages, here, seen, stride), settings, part)
-            held[part] = count, found
-            for name, values in vars(found).items():
-                whole_of = whole.setdefault(name, np.zeros((*cells[::-1], *values.shape[2:]), values.dtype))
-                there = whole_of[::-1][row : row + up, column : column + across]  # rows run down
-                there[:] = values[::-1][: there.shape[0], : there.shape[1]]
-        return Examination(**whole)
+def checked(state: State, ctx: moderngl.Context, again: bool) -> State:
+    """Return `state`, with tiles if it needs them; see `fitting`. again: True for a state of another size.
 
-    def _spots(self, state: State, camera: Camera) -> Spots:
-        """Return the places of all tiles for a spot check."""
-        found: list[Spots] = []
-        here = replace(state, size=(state.tile + 2 * MARGIN, state.tile + 2 * MARGIN))
-        for x, y in _grid(state.size, (state.tile, state.tile)):
-            seen = part_of(camera, Part(state.size, (x - MARGIN, y - MARGIN), here.size))
-            found.append(self.scheduler.spots(*_splatted(self.stages, here, seen), seen, MARGIN))
-        return Spots.joined(found)
+    Raises InputError for pictures beyond the limits of OpenGL.
+    """
+    state = fitting(replace(state, tile=0), ctx) if again else state
+    at_once = (2 * state.tile, 2 * state.tile) if state.tile else state.size
+    gl_limits.check(ctx, at_once, state.scene)
+    return state
+
+
+def notices(state: State) -> tuple[str, ...]:
+    """Return the notice for the user if a picture is tiled without a request."""
+    if state.tile_size is not None or not state.tile:
+        return ()
+    width, height = state.size
+    return (f"size {width}x{height} is more than fits here at once; it is drawn in tiles of {state.tile}x{state.tile}",)
+
+
+def check_whole(state: State) -> None:
+    """Raise InputError if views are drawn in tiles."""
+    if state.tile:
+        width, height = state.size
+        raise InputError(f"size {width}x{height} is drawn in tiles here, which only rendering does: take a smaller size")
+
+
+def check_tiled(state: State, figures: bool) -> None:
+    """Raise InputError if a tiled picture cannot meet the request."""
+    settings = state.settings
+    features = {"a folder's figures": figures, "--quality": settings.quality, "--placement scan": settings.placement == "scan"}
+    if not_there := [name for name, requested in features.items() if requested]:
+        width, height = state.size
+        raise InputError(f"size {width}x{height} is drawn in tiles here, without {' and '.join(not_there)}: take a smaller size")
+
+
+def checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return `size` as width and height in pixels; raises InputError unless both are whole numbers of at least 1."""
+    try:
+        width, height = (operator.index(n) for n in size)
+    except (TypeError, ValueError):
+        raise InputError(f"size takes two whole numbers, width and height, not {size!r}") from None
+    if width < 1 or height < 1:
+        raise InputError(f"size must be at least 1x1 pixels, not {width}x{height}")
+    return width, height
+
+
+def checked_tile_size(tile_size: int | None) -> int | None:
+    """Return the side of tiles, 0 for no tiles, or None for tiles where they are needed. Raises InputError for other values."""
+    try:
+        found = None if tile_size is None else operator.index(tile_size)
+    except TypeError:
+        raise InputError(f"tile_size takes a whole number of pixels, not {tile_size!r}") from None
+    if found and not LEAST_TILE <= found <= MOST_TILE:
+        raise InputError(f"tile_size is 0 or between {LEAST_TILE} and {MOST_TILE} pixels, not {found}")
+    return found
+
+
+def tile_screen(stages: Stages, memo: Memo, state: State, camera: Camera, pixel_stride: int) -> Screen:
+    """Return a view in tiles for the examination, with splats at every `pixel_stride`-th pixel.
+
+    memo: keeps the examinations, since a tile that no new record reaches is not examined again.
+    """
+    cache = stages.scheduler.cache
+    sums = camera, state.view_subject, pixel_stride, cache.revision, cache.count
+    examine = partial(_examined, stages, memo, state, camera, pixel_stride)
+    return Screen(camera, state.size, pixel_stride, sums, examine, partial(_spots, stages, state, camera))
+
+
+def _examined(stages: Stages, memo: Memo, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
+    """Return the examination of all tiles. A tile that no new record reaches keeps its last result."""
+    cache = stages.scheduler.cache
+    count = cache.count if settings.most_bounces > 0 else 0
+    inputs = camera, state.view_subject, state.tile, stride, settings, cache.revision
+    held: dict[Part, tuple[int, Examination]] = memo.get("examined", inputs, dict)  # with the number of its records
+    cells = tile_count(state.size, stride)
+    step = tile_side(state.size, stride) * stride  # pixels, of a tile of the examination
+    across, up = (min(max(1, state.tile // step), n) for n in cells)
+    whole: dict[str, np.ndarray] = {}
+    for column, row in _grid(cells, (across, up)):
+        part = Part(state.size, (column * step, row * step), (across * step, up * step))
+        seen, (before, found) = part_of(camera, part), held.get(part, (0, None))
+        if found is None or len(reaching(cache, before, seen, part.size, settings)):
+            here = replace(state, size=part.size)
+            found = stages.scheduler.examined(*_splatted(stages, here, seen, stride), settings, part)
+        held[part] = count, found
+        for name, values in vars(found).items():
+            whole_of = whole.setdefault(name, np.zeros((*cells[::-1], *values.shape[2:]), values.dtype))
+            there = whole_of[::-1][row : row + up, column : column + across]  # rows run down
+            there[:] = values[::-1][: there.shape[0], : there.shape[1]]
+    return Examination(**whole)
+
+
+def _spots(stages: Stages, state: State, camera: Camera) -> Spots:
+    """Return the places of all tiles for a spot check."""
+    found: list[Spots] = []
+    here = replace(state, size=(state.tile + 2 * MARGIN, state.tile + 2 * MARGIN))
+    for x, y in _grid(state.size, (state.tile, state.tile)):
+        seen = part_of(camera, Part(state.size, (x - MARGIN, y - MARGIN), here.size))
+        found.append(stages.scheduler.spots(*_splatted(stages, here, seen), seen, MARGIN))
+    return Spots.joined(found)
 
 
 def draw_tiles(

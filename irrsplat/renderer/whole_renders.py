@@ -21,8 +21,7 @@ from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress, View, sample_progress, uncovered
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import Round
-from irrsplat.renderer.tiles import draw_tiles
-from irrsplat.renderer.tiling import check_tiled, fitting
+from irrsplat.renderer.tiles import check_tiled, draw_tiles, fitting
 from irrsplat.scene.model import Camera
 from irrsplat.scene.model.checks import check_callback
 from irrsplat.settings import MOST_ROUNDS

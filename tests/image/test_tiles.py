@@ -74,7 +74,7 @@ def test_tiles_are_taken_beyond_the_largest_texture(monkeypatch: pytest.MonkeyPa
     world, size = room(), (300, 2)
     whole = irrsplat.render(world, size, **CHEAP)
     monkeypatch.setattr(gl_limits, "largest", lambda ctx: 299)
-    monkeypatch.setattr("irrsplat.renderer.tiling.TILE", 64)
+    monkeypatch.setattr("irrsplat.renderer.tiles.TILE", 64)
     with Renderer(world, size, **CHEAP) as renderer:
         assert renderer.notices == ("size 300x2 is more than fits here at once; it is drawn in tiles of 64x64",)
         same(whole, renderer.render())
