@@ -11,7 +11,6 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
-from irrsplat.core.memo import Memo
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Workshop
@@ -73,7 +72,6 @@ class HoleFilling(Owner):
         programs = (self.own(Program(ctx, name, "lib/fullscreen")) for name in names)
         self.filter, self.mark, self.fill, self.take_surface = programs
         self._targets = self.own(Workshop())
-        self._memo = Memo()
 
     def _target(self, name: str, components: tuple[int, ...], textures: Sequence[moderngl.Texture] | None = None) -> Target:
         """Return a target with a texel per cell."""
@@ -85,35 +83,26 @@ class HoleFilling(Owner):
         return self._target("cells", (4, 4, 4, 4, 2))
 
     def _draw_samples(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, light: HoleLight) -> None:
-        """Draw the cells with the samples of records, and add the probes that they lack."""
+        """Draw the cells with the samples of records, and add all probes."""
         probes, surface, coarse = light
-
-        def draw() -> list[int]:
-            self.draw_cells[bool(surface)](
-                self._cells,
-                **gbuffer.surface_uniforms,
-                **gbuffer.material_uniforms,
-                sums=splats.sums,
-                coarse=coarse,
-                side=self.side,
-                pixel_stride=splats.pixel_stride,
-                **surface,
-            )
-            return [0]
-
-        # without probes, the cells are drawn for one picture alone
-        drawn = self._memo.get(
-            "cells", object() if probes is None else (gbuffer, splats, probes.cache.revision, probes.light, coarse), draw
+        self.draw_cells[bool(surface)](
+            self._cells,
+            **gbuffer.surface_uniforms,
+            **gbuffer.material_uniforms,
+            sums=splats.sums,
+            coarse=coarse,
+            side=self.side,
+            pixel_stride=splats.pixel_stride,
+            **surface,
         )
         (width, height), (position, normal, rest, *_) = self.size, self._cells.textures
-        if probes is not None and probes.cache.count > drawn[0]:
+        if probes is not None and probes.cache.count:
             self.add_probes(
                 self._target("samples", (), self._cells.textures[3:]),
-                vertices=probes.cache.count - drawn[0],
+                vertices=probes.cache.count,
                 mode=moderngl.POINTS,
                 state=DrawState(blend="add"),
                 **self.add_probes.declared(probes.cache.records.uniforms),
-                first=drawn[0],
                 clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
                 cells=(width / self.side, height / self.side),
                 grid=self.grid,
@@ -122,7 +111,6 @@ class HoleFilling(Owner):
                 normal=normal,
                 rest=rest,
             )
-            drawn[0] = probes.cache.count
 
     def sites(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, light: HoleLight) -> Sites:
         """Return the sites of cells that have a hole and no probe, from sparse to dense."""
