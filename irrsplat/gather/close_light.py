@@ -48,11 +48,6 @@ class CloseLight(Owner):
         """
         pair = np.maximum(cells(planes, 3, len(rotations)), 0.0).astype(np.int32)
         reflected = (pair & int(TWELVE_BITS)).astype(np.float32) * (rays[3] / (np.pi * TWELVE_BITS))
-        tangents = rays[2] / np.hypot(rays[0], rays[1])  # of the elevations
-        # normals so far from the shading normal that a ray may lie below the surface
-        leaning = np.flatnonzero(np.hypot(rows[3, :, 0], rows[3, :, 1]) >= 0.999 * tangents.min() * rows[3, :, 2])
-        # @ would start threads of OpenBLAS, which then spin
-        reflected[leaning] *= np.einsum("nk,kr->nr", rows[3, leaning, :3], rays[:3]) > 0.0
         close = reflected.sum(1) * rays.shape[1]
         gathers = np.where(close > LEAST, np.ceil(close * _RAYS / LEAST_SIDE**2), 0.0).astype(np.intp)
         values = np.tile(np.array([0.0, -1.0], np.float32), (len(gathers), 1))

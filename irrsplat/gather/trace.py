@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, Sites
+from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.close_light import LEAST, CloseLight, cells
 from irrsplat.gather.hemisphere import Gather
@@ -56,10 +56,9 @@ class TraceGather(Gather):
 
     capacity: greatest number of records in one call (default: a 32 MiB atlas). surface: True if the light of a call includes a
     surface cache. hits: True if the pass also outputs hit points and the values of the surface cache at the hits, for the
-    methods `hits` and `met`. places: number of eye positions of a record, see Gather.places. light_samples: shadow rays to
-    emitters per record. survey: True for a pass without shadow rays, whose hits select the site of greatest weight; it uses the
-    program of the gather with `hits`. rays: (4, R) the directions of a record's rays in its frame, and cosθ·dω. Raises InputError
-    for more triangles than the GPU's textures hold, and if embreex is required and missing.
+    methods `hits` and `met`; with one place, it is a survey without shadow rays. places: number of eye positions of a record, see
+    Gather.places. light_samples: shadow rays to emitters per record. rays: (4, R) the directions of a record's rays in its frame,
+    and cosθ·dω. Raises InputError for more triangles than the GPU's textures hold, and if embreex is required and missing.
     """
 
     def __init__(
@@ -72,7 +71,6 @@ class TraceGather(Gather):
         hits: bool = False,
         places: int = 1,
         light_samples: int = 0,
-        survey: bool = False,
         embree: bool = False,
     ) -> None:
         world.seen_uniforms(embree)  # raises InputError here for too many triangles
@@ -84,7 +82,7 @@ class TraceGather(Gather):
             columns, capacity = atlas_grid(cell, min(capacity, limit * TABLE_COLUMNS // len(rays)), limit)
         super().__init__(world, table, capacity, places)
         self._light_samples = light_samples
-        self.kind, self.survey = "embree" if embree else "trace", survey
+        self.kind, self._survey = "embree" if embree else "trace", hits and places == 1
         self.search = LightSearch(world, light_samples, len(rays) / np.pi, embree=embree)
         defines = {
             **light_defines(world.scene),
@@ -114,7 +112,8 @@ class TraceGather(Gather):
         rows[:2, :, 3] = sample_offsets(sites.frame_rotations(numbers) // self.places, seed).T
         rows[4, :, 3] = self.steps(sites)
         atlas.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 5))
-        hits, uniforms = None, self.program.declared({"survey": int(self.survey)})
+        hits: np.ndarray | None = None
+        uniforms: Uniforms = {}
         if self.first_hits is not None:
             hits = self.first_hits(rows)
             uniforms["first_hits"] = self.first_hits.texture
@@ -136,7 +135,7 @@ class TraceGather(Gather):
                 closed=self.world.geometry.counts.closed,
                 **uniforms,
             )
-        samples = () if self.survey else self.search.light_samples(rows, light)
+        samples = () if self._survey else self.search.light_samples(rows, light)
         sky_share = None if self.sky is None else self.sky(rows, hits, areas)
         close = None
         if self._close_light is not None:
@@ -163,11 +162,12 @@ class TraceGather(Gather):
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the hits of the last call's first `count` records, R rays each in the order of the cell's texels.
 
-        The number (N, R) of a value of the surface cache at each hit, -1 for a miss or an unknown value; and the reflectance
-        (N, R, 3), 0 there. The value is one of three there, drawn by its weight; in a survey, that of the greatest weight.
+        The number (N, R) of a value of the surface cache at each hit; -1 for a miss, an unknown value, or a ray below the
+        surface. The share (N, R, 3) of the value's irradiance that the record receives: ρ/π·cosθ·dω, 0 there. The value is one
+        of three there, drawn by its weight; in a survey, that of the greatest weight.
         """
         found = cells(self._read(2, count), np.s_[:], count)
-        return found[..., 3].astype(np.intp), found[..., :3]
+        return found[..., 3].astype(np.intp), (self.rays[3] / np.pi)[:, None] * found[..., :3]
 
     def met(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position and shading normal on the side of the hit, (N, R, 3) each, and the triangle's number in the scene,

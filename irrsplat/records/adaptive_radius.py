@@ -35,7 +35,10 @@ class AdaptiveRadius(Owner):
     """
 
     def __init__(self, ctx: moderngl.Context, cache: RecordCache, timers: Timers) -> None:
-        self.cache, self.timers, self.limit_pass = cache, timers, self.own(RadiusLimitPass(ctx))
+        self.ctx, self.cache, self.timers = ctx, cache, timers
+        defines = [record_defines(gradients) | {"COMPARED_WITHIN": COMPARED_WITHIN} for gradients in (False, True)]
+        self.programs = [self.own(Program(ctx, "records/radius_limit", "lib/fullscreen", some)) for some in defines]
+        self._made = self.own(Workshop())  # the tables of both kinds of records, and the target
         self._limited = self.compared = 0  # number of records with limits
         self._made_for: tuple[object, ...] = ()  # values of the settings, number of refreshes and luminance floor, see _inputs
         self._floor_of = 0, 0  # record count and refresh count at the last update of the luminance floor
@@ -69,7 +72,7 @@ class AdaptiveRadius(Owner):
             with self.timers("adapt"):
                 before = cache.limits(limited)
                 if settings.adapt > 0.0 and cache.count:
-                    cache.set_limits(self.limit_pass(cache, first, settings, old_too))
+                    cache.set_limits(self.limits(first, settings, old_too))
                 elif not same:
                     cache.set_limits(np.ones(cache.count))
                 changed = not same or not np.array_equal(before, cache.limits(limited))
@@ -90,35 +93,26 @@ class AdaptiveRadius(Owner):
         self._made_for = self._inputs(settings) if compared else ()
         self._floor_of = self.cache.count, self.cache.refresh_count
 
-
-class RadiusLimitPass(Owner):
-    """Pass that computes the limits of records' radii."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.ctx = ctx
-        defines = [record_defines(gradients) | {"COMPARED_WITHIN": COMPARED_WITHIN} for gradients in (False, True)]
-        self.programs = [self.own(Program(ctx, "records/radius_limit", "lib/fullscreen", some)) for some in defines]
-        self._made = self.own(Workshop())  # the tables of both kinds of records, and the target
-
-    def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool) -> np.ndarray:
+    def limits(self, first: int, settings: Settings, old: bool) -> np.ndarray:
         """Return (N,) the limits of all records. Those from number `first` on are new.
 
         A new record is limited by records of lower numbers, so that batch sizes do not matter. old: limit the new records by all
         others, and those before `first` by the new ones.
         """
-        limits = cache.limits(cache.count).copy()
-        if first < cache.count:
-            limits[first:] = self._limits(cache, slice(first, cache.count), 0, settings, old)
+        count = self.cache.count
+        limits = self.cache.limits(count).copy()
+        if first < count:
+            limits[first:] = self._limits(slice(first, count), 0, settings, old)
             if first and old:
-                limits[:first] = np.minimum(limits[:first], self._limits(cache, slice(first), first, settings, True))
+                limits[:first] = np.minimum(limits[:first], self._limits(slice(first), first, settings, True))
         return limits
 
-    def _limits(self, cache: RecordCache, which: slice, low: int, settings: Settings, by_all: bool) -> np.ndarray:
+    def _limits(self, which: slice, low: int, settings: Settings, by_all: bool) -> np.ndarray:
         """Return (K,) the limits of the records `which` by those from number `low` on.
 
         by_all: compare with records of higher numbers, too.
         """
-        size, places = cache.records.size, cache.positions
+        cache, size, places = self.cache, self.cache.records.size, self.cache.positions
         found = self._made.get("found", size, lambda: Target(self.ctx, size, (1,)))
         targets = self._made.get("targets", size, lambda: float_texture(self.ctx, size, 1))
         others = self._made.get("others", size, lambda: float_texture(self.ctx, size))

@@ -22,7 +22,7 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.site_layout import Detail, SiteChooser
-from irrsplat.surface_cache.site_places import Survey
+from irrsplat.surface_cache.site_places import site_places
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
@@ -247,18 +247,22 @@ class SiteLevel(Owner):
 
     def _places(self, sites: SurfaceSites) -> Steps[Sites]:
         """Return the ray origins of sites, by a survey along few rays."""
-        records = sites.records
-        survey = Survey(records.sites(slice(0, records.count)), self._rays.survey_gather().share.size)
+        records, rays = sites.records, self._rays.survey_gather().share.size
+        survey, shape = Transport(records.count, rays), (records.count, rays)
+        met: list[np.ndarray] = [np.zeros((*shape, 3), "f4"), np.zeros((*shape, 3), "f4"), np.zeros(shape, np.intp)]
         while True:
             gather = self._rays.survey_gather()
-            for batch in self._rays.gathered(gather, sites, np.arange(survey.done, records.count), *self._tick):
-                survey.store(batch, self._rays.hits(gather, sites, batch), gather.met(len(batch)))
-            if survey.done >= records.count:
+            for batch in self._rays.gathered(gather, sites, np.flatnonzero(~survey.known), *self._tick):
+                survey.fill(batch, *gather.hits(len(batch)))
+                for column, values in zip(met, gather.met(len(batch)), strict=True):
+                    column[batch] = values
+            if survey.known.all():
                 break
             yield True
         R, corners, meshes = records.read()["radius"], self.world.geometry.corners, in_order(self.world.scene)
         emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
-        draw = partial(survey.places, R, sites.area, sites.level, corners, emissive, self.settings.seed)
+        where, seed = records.sites(slice(0, records.count)), self.settings.seed
+        draw = partial(site_places, where, survey, met, R, sites.area, sites.level, corners, emissive, seed)
         return (yield from in_background(draw))
 
     def _gather(self, gather: TraceGather, sites: SurfaceSites, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget) -> int:
@@ -266,7 +270,7 @@ class SiteLevel(Owner):
         done, transport = 0, sites.transport
         for batch in self._rays.gathered(gather, sites, numbers, shadows, budget):
             if transport is not None and not transport.known[batch].all():
-                transport.fill(batch, *self._rays.hits(gather, sites, batch))
+                transport.fill(batch, *gather.hits(len(batch)))
             sites.records.mark_refreshed(batch)
             done += len(batch)
         return done

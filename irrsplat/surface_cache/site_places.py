@@ -9,6 +9,8 @@ measure of the hits, which conserves the transported light.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from irrsplat.core.buffers import Sites
@@ -21,63 +23,55 @@ _TOUCHING = 0.01  # the least of these shares that counts: a gap thinner than th
 _BOUNCES = 8  # along which the importance of sites is followed
 
 
-class Survey:
-    """Hits of a few rays from each of the `sites` (S,), with their `transport`. done: the number of surveyed sites."""
+def site_places(
+    sites: Sites,
+    survey: Transport,
+    met: Sequence[np.ndarray],
+    R: np.ndarray,
+    area: np.ndarray,
+    level: np.ndarray,
+    corners: np.ndarray,
+    emissive: np.ndarray,
+    seed: int,
+) -> Sites:
+    """Return (S·PLACES,) the places of the `sites` (S,), site by site. A site without a hit uses its own position.
 
-    def __init__(self, sites: Sites, rays: int) -> None:
-        self.sites, self.done = sites, 0
-        self.transport = Transport(len(sites), rays)
-        none, nowhere = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
-        # of N hits: ray origin, the site that is hit, transported share, position, shading normal, triangle
-        self._hits: list[tuple[np.ndarray, ...]] = [(none, none, np.zeros(0), nowhere, nowhere, none)]
+    survey: the transport along a few rays from each site. met: positions, normals and triangles of the hits, see TraceGather.met.
+    R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. level: (S,) see SiteLayout. corners:
+    (F, 3, 3) of the triangles. emissive: (F,) True for triangles that emit light.
+    """
+    assert sites.triangle is not None
+    origin, ray, site, share = survey.hits()
+    place, shading, face = (column[origin, ray] for column in met)
+    weight = _importance(survey, R, area)[origin] * share
+    # The gap between a panel and a ceiling is bright and hidden. It must not represent the ceiling around the panel.
+    away = ((place - sites.position[origin]) ** 2).sum(1)
+    near = np.minimum(away / np.maximum(_NEAR**2 * (area * 4.0**level)[site], 1e-30), 1.0)
+    near = np.where(near < _TOUCHING, 0.0, near)
+    weight *= np.where(emissive[sites.triangle[origin]], near, 1.0)
+    drawn = _drawn(site, weight, place, len(sites), seed)
+    hit = drawn[drawn >= 0]
+    found = sites[np.repeat(np.arange(len(sites)), PLACES)]
+    columns = {name: getattr(found, name) for name in ("position", "normal", "geometric", "triangle")}
+    upward = triangle_normals(corners[face[hit]])[0].T
+    below = ((sites.position[origin[hit]] - place[hit]) * upward).sum(1) < 0.0
+    of_hits = place[hit], shading[hit], np.where(below[:, None], -upward, upward), face[hit]
+    for column, values in zip(columns.values(), of_hits, strict=True):
+        column[drawn >= 0] = values
+    return Sites(**columns)
 
-    def store(self, numbers: np.ndarray, hits: tuple[np.ndarray, ...], met: tuple[np.ndarray, ...]) -> None:
-        """Store the hits of the rays of sites of these numbers (N,), see SiteRays.hits. met: their places, by TraceGather.met."""
-        share, site, albedo = hits
-        self.transport.fill(numbers, share, site, albedo)
-        part = np.where(site < 0, 0.0, share * albedo.mean(-1))
-        rays = np.nonzero(part)
-        self._hits.append((numbers[rays[0]], site[rays], part[rays], *(column[rays] for column in met)))
-        self.done += len(numbers)
 
-    def places(
-        self, R: np.ndarray, area: np.ndarray, level: np.ndarray, corners: np.ndarray, emissive: np.ndarray, seed: int
-    ) -> Sites:
-        """Return (S·PLACES,) the places of the sites, site by site. A site without a hit uses its own position.
+def _importance(survey: Transport, R: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Return (S,) the importance of each site for the visible light, directly or by up to _BOUNCES bounces.
 
-        R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. level: (S,) see SiteLayout. corners:
-        (F, 3, 3) of the triangles. emissive: (F,) True for triangles that emit light.
-        """
-        origin, site, share, place, shading, face = map(np.concatenate, zip(*self._hits, strict=True))
-        assert self.sites.triangle is not None
-        weight = self._importance(R, area)[origin] * share
-        # The gap between a panel and a ceiling is bright and hidden. It must not represent the ceiling around the panel.
-        away = ((place - self.sites.position[origin]) ** 2).sum(1)
-        near = np.minimum(away / np.maximum(_NEAR**2 * (area * 4.0**level)[site], 1e-30), 1.0)
-        near = np.where(near < _TOUCHING, 0.0, near)
-        weight *= np.where(emissive[self.sites.triangle[origin]], near, 1.0)
-        drawn = _drawn(site, weight, place, len(self.sites), seed)
-        met = drawn >= 0
-        hit, at = drawn[met], np.repeat(np.arange(len(self.sites)), PLACES)
-        columns = [getattr(self.sites, name)[at] for name in ("position", "normal", "geometric", "triangle")]
-        position, normal, geometric, triangle = columns
-        position[met], normal[met], triangle[met] = place[hit], shading[hit], face[hit]
-        upward = triangle_normals(corners[triangle[met]])[0].T
-        below = ((self.sites.position[origin[hit]] - position[met]) * upward).sum(1) < 0.0
-        geometric[met] = np.where(below[:, None], -upward, upward)
-        return Sites(position, normal, geometric, triangle)
-
-    def _importance(self, R: np.ndarray, area: np.ndarray) -> np.ndarray:
-        """Return (S,) the importance of each site for the visible light, directly or by up to _BOUNCES bounces.
-
-        The camera is not known, so that a surface with more space in front of it is more important. The importance does not
-        depend on lights, so that places stay when lights change.
-        """
-        importance = seen = area * np.where(area > 0.0, np.sqrt(R), 0.0)
-        for _ in range(_BOUNCES):
-            seen = self.transport.backward(seen)
-            importance = importance + seen
-        return importance
+    The camera is not known, so that a surface with more space in front of it is more important. The importance does not
+    depend on lights, so that places stay when lights change.
+    """
+    importance = seen = area * np.where(area > 0.0, np.sqrt(R), 0.0)
+    for _ in range(_BOUNCES):
+        seen = survey.backward(seen)
+        importance = importance + seen
+    return importance
 
 
 def _drawn(sites: np.ndarray, weight: np.ndarray, position: np.ndarray, count: int, seed: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from irrsplat.core.buffers import HitLight, ShadowMaps
 from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import ray_kind
 from irrsplat.gather.light_samples import SAMPLE_SHARE
-from irrsplat.gather.record_frame import FEW_RAYS, PLACES, places_of_texels, tangent_frames
+from irrsplat.gather.record_frame import FEW_RAYS, PLACES
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gather.trace import TraceGather
@@ -78,7 +78,6 @@ class SiteRays(Owner):
                 hits=True,
                 places=1 if survey else PLACES,
                 light_samples=samples,
-                survey=survey,
                 embree=embree,
             ),
         )
@@ -101,20 +100,6 @@ class SiteRays(Owner):
         for some in gather.batches(len(numbers), budget):
             gather_records(gather, reduce, light, records, numbers[some], seed, where=sites.origins)
             yield numbers[some]
-
-    def hits(self, gather: TraceGather, sites: SurfaceSites, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return share, site and albedo of the hits of the last gather from the sites of these numbers, see Transport.fill."""
-        origins = sites.origins(numbers)
-        assert origins.frame_rotation is not None
-        frames = tangent_frames(origins.normal, origins.frame_rotation, self.settings.seed)
-        upward = np.einsum("nij,nj->ni", frames, origins.geometric.astype(float)).reshape(-1, gather.places, 3)
-        rays, place_of = gather.rays.T, places_of_texels(gather.cell, gather.places)
-        share = np.empty((len(upward), len(rays)))
-        for place in range(gather.places):
-            texels = place_of == place
-            below = upward[:, place] @ rays[texels, :3].T <= 0.0
-            share[:, texels] = np.where(below, 0.0, rays[texels, 3])
-        return share, *gather.hits(len(upward))
 
     def direct_light(self, sites: SurfaceSites, shadows: ShadowMaps) -> np.ndarray:
         """Return (S, 3) the direct irradiance of lights at the sites, W/m², a mean over a disc of each site's area."""

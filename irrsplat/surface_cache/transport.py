@@ -26,19 +26,19 @@ class Transport:
         self._columns = np.full((sites, rays), -1)  # -1: a ray without a hit, whose value is 0
         self._values = np.zeros((3, sites, rays), np.float32)
 
-    def fill(self, rows: np.ndarray, share: np.ndarray, site: np.ndarray, albedo: np.ndarray) -> None:
-        """Fill `rows` (N,) by the hits of their R rays, possibly fewer than the most; a hit that receives E sends out ρ/π·E.
-
-        share: (N, R) cosθ·dω of each ray, 0 below the surface. site: (N, R) number of the site that lights the hit, -1 without
-        one. albedo: (N, R, 3) reflectance at the hit, 0 without a site.
-        """
+    def fill(self, rows: np.ndarray, site: np.ndarray, share: np.ndarray) -> None:
+        """Fill `rows` (N,) by the hits of their R rays, possibly fewer than the most, see TraceGather.hits."""
         rays = site.shape[1]
         self._columns[rows, :rays], self._columns[rows, rays:] = site, -1
-        part = share / np.pi
-        for values, reflectance in zip(self._values, np.moveaxis(albedo, -1, 0), strict=True):
-            values[rows, :rays] = part * reflectance
-            values[rows, rays:] = 0.0
+        for values, of_channel in zip(self._values, np.moveaxis(share, -1, 0), strict=True):
+            values[rows, :rays], values[rows, rays:] = of_channel, 0.0
         self.known[rows] = True
+
+    def hits(self) -> tuple[np.ndarray, ...]:
+        """Return the ray (N,) of each hit that transports light, as its row and its number, its site and its mean value."""
+        share = self._values.mean(0, dtype=float)
+        row, ray = np.nonzero(share)
+        return row, ray, self._columns[row, ray], share[row, ray]
 
     def repaint(self, before: np.ndarray, after: np.ndarray) -> None:
         """Change the reflectance at hits by that of the sites that light them, (S, 3) each.

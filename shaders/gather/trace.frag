@@ -26,7 +26,8 @@
 #include "gather/close_hits.glsl"
 #endif
 
-uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at eye i; (i, 4): eye, world space
+uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at eye i; (i, 3): geometric normal in this frame,
+                             // number of the record; (i, 4): eye, world space
 uniform sampler2D directions;  // ray directions in the record's frame, one cell
 uniform ivec2 cell;          // numbers of azimuths and elevations per record
 uniform int columns;         // cells per row
@@ -40,9 +41,8 @@ layout(location = 0) out vec4 out_radiance;  // rgb: radiance, W/(m² sr); a: di
 layout(location = 1) out vec4 out_plane;     // plane of the hit: dot(xyz, ω) is 1/distance in the unit direction ω, metres⁻¹; w: -1 on
                                              // the inner side of a closed mesh, else the pair of close_hits.glsl
 #if HITS
-uniform bool survey;  // true if a hit counts for the site of greatest weight; false for a site drawn by weight
-
-layout(location = 2) out vec4 out_albedo;  // reflectance at the hit; a: number of the value of the surface cache, -1: none
+layout(location = 2) out vec4 out_albedo;  // reflectance at the hit; a: number of the value of the surface cache, -1: none, or the
+                                           // ray is below the surface of the eye
 layout(location = 3) out vec4 out_place;   // position of the hit, world space, metres; w: number of the triangle
 layout(location = 4) out vec4 out_normal;  // shading normal at the hit
 #endif
@@ -72,6 +72,8 @@ void main()
     vec3 eye = texel_at(frames, ivec2(eye_column, 4)).xyz;
 
     vec3 ray = texel_at(directions, ivec2(inside)).xyz, d = normalize(frame * ray);
+    vec4 horizon = texel_at(frames, ivec2(eye_column, 3));
+    bool above = dot(ray, horizon.xyz) > 0.0;  // else the ray hits the surface of the eye itself
 #if KNOWN_HITS
     int number = (record * cell.y + int(inside.y)) * cell.x + int(inside.x);
     Hit hit = known_hit(eye, d, texel_at(first_hits, table_texel(number)).r);
@@ -111,9 +113,9 @@ void main()
     Lookup lookup = surface_lookup(hit.triangle, hit.barycentric, int(behind));
     // One of three values is drawn by its weight, so that the mean over the rays of a record
     // is unbiased. The random number advances by the R2 sequence from record to record, and by the golden ratio from ray to ray.
-    float shift = fract(texel_at(frames, ivec2(eye_column, 3)).w * PLASTIC) + (floor(inside.y) * float(cell.x) + floor(inside.x)) * GOLDEN;
-    int value = survey ? surface_nearest(lookup) : surface_drawn(lookup, fract(shift));
-    value = hit.t < FARTHEST_HIT ? value : -1;
+    float shift = fract(horizon.w * PLASTIC) + (floor(inside.y) * float(cell.x) + floor(inside.x)) * GOLDEN;
+    int value = places == 1 ? surface_nearest(lookup) : surface_drawn(lookup, fract(shift));
+    value = above && hit.t < FARTHEST_HIT ? value : -1;
     out_albedo = value < 0 ? vec4(0.0, 0.0, 0.0, -1.0) : vec4(material.albedo, float(value));
     out_place = vec4(receiver.p, float(hit.triangle));
     out_normal = vec4(receiver.n, 0.0);
@@ -127,7 +129,8 @@ void main()
 #if SURFACE && !HITS
     // ν·ρ: see METHOD.md, 11.5
     float nu_rho = max(1.0 - hit.t / ((places > 1 ? CLOSE.y : CLOSE.x) * max(cached.a, near)), 0.0) * dot(material.albedo, LUMINANCE);
-    close = pack_pair(vec2(nu_rho * dot(cached.rgb, LUMINANCE) / max(PI * dot(L, LUMINANCE), 1e-20), nu_rho));
+    vec2 pair = vec2(nu_rho * dot(cached.rgb, LUMINANCE) / max(PI * dot(L, LUMINANCE), 1e-20), nu_rho);
+    close = above ? pack_pair(pair) : 0.0;
 #endif
     out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(kappa, -0.05 * near), inner ? -1.0 : close) : vec4(0.0);
 }

@@ -21,6 +21,7 @@ from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
 from irrsplat.image.composite import CompositePass
@@ -34,7 +35,8 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.lighting.virtual_lights import VirtualLightPasses
-from irrsplat.records.adaptive_radius import RadiusLimitPass
+from irrsplat.records.adaptive_radius import AdaptiveRadius
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.cache import SurfaceViewPass
@@ -71,8 +73,9 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     """Every other pass of the core, as settings may have it."""
     for gradients in (False, True):
         yield ReducePass(ctx, gradients)
-    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass, RefreshOrder, RadiusLimitPass):
+    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass, RefreshOrder):
         yield simple(ctx)
+    yield AdaptiveRadius(ctx, RecordCache(ctx), Timers(ctx, software=True))
     yield textured(ctx)
     yield ExaminePass(ctx)
     for sized in (GBufferPass, CompositePass, MeanPass, SplatPass, UpsamplePass, SpotPass):

@@ -11,7 +11,7 @@ import pytest
 import irrsplat
 from irrsplat.gpu.timers import Timers
 from irrsplat.records import adaptive_radius
-from irrsplat.records.adaptive_radius import AdaptiveRadius, RadiusLimitPass, _strips
+from irrsplat.records.adaptive_radius import AdaptiveRadius, _strips
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from tests.renderer.test_renderer import FAST, SIZE, room
@@ -61,17 +61,17 @@ class Made:
         A negative count -n removes the last n records.
         """
         cache = RecordCache(self.ctx)
-        one, first = RadiusLimitPass(self.ctx), 0
+        adaptation, first = AdaptiveRadius(self.ctx, cache, Timers(self.ctx, software=True)), 0
         for count in (*parts, len(self.p)):
             if count < 0:
                 cache.truncate(first := first + count)
                 continue
             self.append(cache, count)
             cache.luminance_floor = self.dark
-            cache.set_limits(one(cache, first, settings, True))
+            cache.set_limits(adaptation.limits(first, settings, True))
             first = count
         found = np.frombuffer(cache.records.textures["limit"].read(), "f4").copy()
-        one.release()
+        adaptation.release()
         cache.release()
         self.ctx.detect_framebuffer(0).use()
         return found

@@ -224,7 +224,7 @@ def by_rows(F: np.ndarray) -> Transport:
     sites = len(F)
     transport = Transport(sites, sites)
     where = np.broadcast_to(np.arange(sites), (sites, sites))
-    transport.fill(np.arange(sites), np.pi * F, where, np.ones((sites, sites, 3)))
+    transport.fill(np.arange(sites), where, np.repeat(F[..., None], 3, axis=2))
     return transport
 
 

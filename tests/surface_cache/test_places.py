@@ -71,17 +71,16 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.
         assert surface is not None and surface.level.complete and surface.in_use.shown is not None and surface.result is not None
         seen = read_back(renderer.draw_gbuffer(renderer.scene.camera()))
         eyes = seen.sites(np.nonzero(seen.mask))[::97]
-        with TraceGather(renderer.world, 16, hits=True, survey=True) as gather:
+        with TraceGather(renderer.world, 16, hits=True) as gather:
             gather(HitLight(renderer.draw_shadows(), surface.uniforms()), eyes, np.arange(len(eyes)), 0)
-            (values, albedo), (position, normal, triangle) = gather.hits(len(eyes)), gather.met(len(eyes))
+            (values, share), (position, normal, triangle) = gather.hits(len(eyes)), gather.met(len(eyes))
             away = position - eyes.position[:, None]
-            share = np.broadcast_to(gather.share.ravel(), albedo.shape[:2])
         hit = values >= 0
         upward = triangle_normals(renderer.world.geometry.corners[triangle[hit]])[0].T
         upward[(upward * away[hit]).sum(1) > 0.0] *= -1.0
         places = Sites(position[hit], normal[hit], upward, triangle[hit])
         assert len(places) > 500
-        part = (share[hit] * albedo[hit].mean(-1))[:, None]
+        part = share[hit].mean(-1)[:, None]
         true = part * gathered(renderer, places)
 
         def reflected(E: np.ndarray) -> np.ndarray:
