@@ -45,7 +45,7 @@ limit: time of Embree alone, on one thread, for as many cosine-distributed rays 
 _BORDERS: dict[str, tuple[str, ...]] = {
     _RAYS: ("scene.ray_caster.RayCaster.first_hits", "scene.ray_caster.RayCaster.free"),
     "shading of hits": ("gather.trace.TraceGather.__call__", "gather.plane.PlaneGather.__call__"),
-    "shadow samples": ("gather.reduce.ReducePass._add", "gather.light_samples.LightSearch.light_samples"),
+    "shadow samples": ("gather.reduce.ReducePass._add", "gather.light_samples.LightSearch.__call__"),
     "sky shares": ("gather.sky_share.SkyShares.__call__",),
     "reduction": ("gather.reduce.ReducePass.__call__",),
     "surface cache": ("surface_cache.cache.SurfaceCache.advance",),

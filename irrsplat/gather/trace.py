@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
+from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.close_light import LEAST, CloseLight, cells
 from irrsplat.gather.hemisphere import Gather
@@ -113,11 +113,11 @@ class TraceGather(Gather):
         rows[4, :, 3] = self.steps(sites)
         atlas.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 5))
         hits: np.ndarray | None = None
-        uniforms: Uniforms = {}
+        uniforms, samples = self.search(rows, light)
         if self.first_hits is not None:
             hits = self.first_hits(rows)
             uniforms["first_hits"] = self.first_hits.texture
-        uniforms |= self.world.seen_uniforms(hits is not None) | light.uniforms | self.search.ray_uniforms(light)
+        uniforms |= self.world.seen_uniforms(hits is not None) | light.uniforms
         lines, rest = divmod(count, atlas.columns)
         width, height = atlas.cell
         whole = (0, 0, atlas.columns * width, lines * height), (0, lines * height, rest * width, height)
@@ -135,7 +135,6 @@ class TraceGather(Gather):
                 closed=self.world.geometry.counts.closed,
                 **uniforms,
             )
-        samples = () if self._survey else self.search.light_samples(rows, light)
         sky_share = None if self.sky is None else self.sky(rows, hits, areas)
         close = None
         if self._close_light is not None:
@@ -143,7 +142,7 @@ class TraceGather(Gather):
             found = self._close_hits()(light, rows, sites, rotations, planes, self.rays, hits, seed)
             self._close_light.write(found.tobytes(), viewport=(0, 0, count, 1))
             close = {**(light.surface or {}), "close_light": self._close_light}
-        return replace(atlas, count=count, light_samples=samples, sky_share=sky_share, close_light=close)
+        return replace(atlas, count=count, light_samples=() if self._survey else samples, sky_share=sky_share, close_light=close)
 
     def _close_hits(self) -> CloseLight:
         """Return the passes for light at close hits, which all gathers of the world share."""

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from irrsplat.core.buffers import Sites
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.core.vectors import sphere
 from irrsplat.core.vertex_layout import vertex_column
@@ -25,7 +26,6 @@ from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.tessellation import Graded, Grading, tessellate
-from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 4000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
 _STEPS = 9.0  # least number of steps along the extent of the surroundings of an eye
@@ -41,6 +41,7 @@ _FREE = 100.0  # heights of a record's eye: least extent of the surroundings of 
 _STEEP_PLACES = 512  # greatest number of lights and parts of emitters with fine cells around them
 _PANEL = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
+SEGMENTS = 16 * TABLE_COLUMNS  # of one batch of lines of sight, at most
 _BEFORE = 0.9  # of the visible shares of two edges: the place that is tested for a recess
 
 
@@ -304,8 +305,8 @@ class SiteChooser:
     def _free_shares(self, starts: np.ndarray, ends: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) the visible share of segments, see RayCaster.reach; pause after each batch."""
         free = np.ones(len(starts), np.float32)
-        for first in range(0, len(starts), VisibilityPass.capacity):
-            some = slice(first, first + VisibilityPass.capacity)
+        for first in range(0, len(starts), SEGMENTS):
+            some = slice(first, first + SEGMENTS)
             free[some] = self.reach(starts[some], ends[some])
             yield
         return free

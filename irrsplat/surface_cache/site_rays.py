@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
+import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import HitLight, ShadowMaps
+from irrsplat.core.buffers import HitLight, ShadowMaps, Uniforms
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import ray_kind
 from irrsplat.gather.light_samples import SAMPLE_SHARE
@@ -14,16 +16,18 @@ from irrsplat.gather.record_frame import FEW_RAYS, PLACES
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gather.trace import TraceGather
+from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Workshop
+from irrsplat.gpu.target import Target, float_texture
+from irrsplat.gpu.texel_table import table_rows
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.site_layout import Detail
+from irrsplat.surface_cache.site_layout import SEGMENTS, Detail
 from irrsplat.surface_cache.surface_sites import SurfaceSites
-from irrsplat.surface_cache.visibility import VisibilityPass
 
 RAYS = 1_000_000  # about, of all sites of a full level: among many sites, more of them light a record
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
@@ -117,3 +121,26 @@ class SiteRays(Owner):
         if self._embree:
             return self.world.caster.reach(starts, ends, cut_outs=self._detail.level >= 0)
         return self._visibility(self.world.ray_uniforms, starts, ends)
+
+
+class VisibilityPass(Owner):
+    """Pass that finds the visible shares of up to SEGMENTS segments, by rays through the tree in a shader.
+
+    materials: World.material_defines (default: no holes).
+    """
+
+    def __init__(self, ctx: moderngl.Context, materials: Mapping[str, int] | None = None) -> None:
+        rows = SEGMENTS // TABLE_COLUMNS
+        self.program = self.own(Program(ctx, "surface_cache/visibility", "lib/fullscreen", materials or {}))
+        self.lines = self.own(float_texture(ctx, (2 * TABLE_COLUMNS, rows)))
+        self.target = self.own(Target(ctx, (TABLE_COLUMNS, rows), (1,)))
+
+    def __call__(self, rays: Uniforms, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return (N,) the visible share of the segments from `starts` to `ends`, (N, 3) metres each, see RayCaster.reach.
+
+        rays: the uniforms of shaders/lib/rays/bvh.glsl, see World.ray_uniforms.
+        """
+        rows = table_rows(np.pad(np.stack([starts, ends], axis=1), ((0, 0), (0, 0), (0, 1))).astype("f4"))
+        self.lines.write(rows.tobytes(), viewport=(0, 0, 2 * TABLE_COLUMNS, len(rows)))
+        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), lines=self.lines, **rays)
+        return np.frombuffer(self.target.textures[0].read(), "f4")[: len(starts)]

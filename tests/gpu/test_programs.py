@@ -40,7 +40,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.cache import SurfaceViewPass
-from irrsplat.surface_cache.visibility import VisibilityPass
+from irrsplat.surface_cache.site_rays import VisibilityPass
 from tests.gather.test_analytic import LIGHTS
 from tests.renderer.test_renderer import SIZE
 from tests.support.worlds import Lit, floor, scene

@@ -19,8 +19,8 @@ from irrsplat.surface_cache import clustering, tessellation
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.site_layout import Detail, SiteChooser, detail_for
+from irrsplat.surface_cache.site_rays import VisibilityPass
 from irrsplat.surface_cache.tessellation import Grading, Tessellation, steps, tessellate
-from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
 from tests.support.worlds import box, floor, gather, material, point_light, quad, scene, sites, sphere
 
