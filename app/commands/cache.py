@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.commands.shared import flags
@@ -13,8 +14,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.settings import SETTINGS
 
 if TYPE_CHECKING:
-    from irrsplat.records.cache_file import Content
-    from irrsplat.records.merge import Merged
+    from irrsplat.records.cache_file import CacheState, Content
 
 _COVERED = "others cover their places; a view may request a few records again"
 
@@ -96,8 +96,8 @@ def _merge(args: argparse.Namespace) -> int:
             raise InputError(
                 f"this record cache was made {reason}, as '{args.files[0]}' was; only caches of one scene merge", path
             )
-    done = merge([content.state for content in contents], contents[0].settings())
-    return _write(args.output, contents[0], done, _COVERED)
+    states = [content.state for content in contents]
+    return _write(args.output, contents[0], states, merge(states, contents[0].settings()), _COVERED)
 
 
 def _prune(args: argparse.Namespace) -> int:
@@ -108,15 +108,18 @@ def _prune(args: argparse.Namespace) -> int:
     files.check_file(args.output)
     content = cache_file.read_any(args.file)
     words = _COVERED if args.most is None else "the best covered first"
-    return _write(args.output, content, prune(content.state, content.settings(), args.most), words)
+    return _write(args.output, content, [content.state], prune(content.state, content.settings(), args.most), words)
 
 
-def _write(path: str, content: Content, done: Merged, why: str) -> int:
-    """Write the remaining records, and print their number. why: reason for the removal of the others."""
+def _write(path: str, content: Content, sources: Sequence[CacheState], state: CacheState, why: str) -> int:
+    """Write the records of `state`, which remain of those of the `sources`, and print their number.
+
+    why: reason for the removal of the others.
+    """
     from irrsplat.records import cache_file
 
-    cache_file.write(path, content.key, done.state)
-    count = len(done.state.records["id"])
-    others = f"{done.dropped} were left out: {why}" if done.dropped else "none was left out"
-    out(f"{path}: {count} of {count + done.dropped} records; {others}")
+    cache_file.write(path, content.key, state)
+    whole, count = sum(len(source.records["id"]) for source in sources), len(state.records["id"])
+    others = f"{whole - count} were left out: {why}" if count < whole else "none was left out"
+    out(f"{path}: {count} of {whole} records; {others}")
     return 0

@@ -53,8 +53,8 @@ class KeptCache:
         theirs, ours = cache_file.read_any(self.path), cache_file.read_any(own)
         if reason := cache_file.difference(theirs.key, ours.key):
             raise IrrsplatError(f"{self.path}: not written: another process has since made it {reason}; name another file")
-        done = merge([theirs.state, ours.state], ours.settings())
-        cache_file.write(self.path, ours.key, done.state)
+        merged = merge([theirs.state, ours.state], ours.settings())
+        cache_file.write(self.path, ours.key, merged)
         if not self._shared:
             say(f"notice: {self.path}: another process has written it since; the records of both are in it")
         self._shared = True

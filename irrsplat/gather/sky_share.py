@@ -98,11 +98,7 @@ class SkyShares(Owner):
         before = np.pad(np.cumsum(ring, axis=-1, dtype=np.int16), ((0, 0), (0, 0), (1, 0)))
         middle, wide = widest + np.arange(n), self._reach[:, None]
         row = np.arange(len(wide))[:, None]
-        count = before[:, row, middle + wide + 1] - before[:, row, middle - wide]
-        some, all_of_them = count > 0, count == 2 * wide + 1
-        any_around, all_around = count > free, count - free == 2 * wide
-        for k in range(1, _NEAR + 1):
-            for here, there in ((np.s_[:, k:], np.s_[:, :-k]), (np.s_[:, :-k], np.s_[:, k:])):
-                any_around[here] |= some[there]
-                all_around[here] &= all_of_them[there]
-        return np.asarray(any_around & ~all_around)
+        rows = before[:, row, middle + wide + 1] - before[:, row, middle - wide], np.broadcast_to(2 * wide + 1, (1, len(wide), n))
+        padded = (np.pad(of, ((0, 0), (_NEAR, _NEAR), (0, 0))) for of in rows)
+        sees, strata = (sum(of[:, k : k + len(wide)] for k in range(2 * _NEAR + 1)) for of in padded)
+        return np.asarray((sees > free) & (sees - free < strata - 1))

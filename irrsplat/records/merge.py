@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -26,14 +25,7 @@ _ENOUGH = 2.5
 _AT_ONCE = 1024  # places in one batch, each with up to a few thousand records around it
 
 
-class Merged(NamedTuple):
-    """A cache, and the number of records of its sources that it dropped."""
-
-    state: CacheState
-    dropped: int
-
-
-def merge(states: Sequence[CacheState], settings: Settings) -> Merged:
+def merge(states: Sequence[CacheState], settings: Settings) -> CacheState:
     """Merge caches of one scene and one set of settings.
 
     All records of the first cache stay. Of the others, those stay whose places further records do not cover. Radius limits start
@@ -43,7 +35,7 @@ def merge(states: Sequence[CacheState], settings: Settings) -> Merged:
     return _without_covered(whole, settings, source > 0)
 
 
-def prune(state: CacheState, settings: Settings, most: int | None = None) -> Merged:
+def prune(state: CacheState, settings: Settings, most: int | None = None) -> CacheState:
     """Drop records whose places the others cover, the best covered first.
 
     most: upper limit of the records that stay; then only as many go as necessary, uncovered ones included. None: drop all
@@ -52,7 +44,7 @@ def prune(state: CacheState, settings: Settings, most: int | None = None) -> Mer
     return _without_covered(state, settings, np.ones(len(state.records["id"]), bool), most)
 
 
-def _without_covered(state: CacheState, settings: Settings, may: np.ndarray, most: int | None = None) -> Merged:
+def _without_covered(state: CacheState, settings: Settings, may: np.ndarray, most: int | None = None) -> CacheState:
     """Drop records that `may` (N,) go, the best covered first, see `prune`."""
     place, other, weight = _pairs(state, settings, np.flatnonzero(may))
     kept = np.ones(len(may), bool)
@@ -71,7 +63,7 @@ def _without_covered(state: CacheState, settings: Settings, may: np.ndarray, mos
         if most is not None:  # a quarter at once: the cover of the remaining records falls with each drop
             going = going[: min(int(kept.sum()) - most, -(-len(going) // 4))]
         kept[going] = False
-    return Merged(selected(state, np.flatnonzero(kept)), int(np.count_nonzero(~kept)))
+    return selected(state, np.flatnonzero(kept))
 
 
 def _pairs(state: CacheState, settings: Settings, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -140,15 +140,13 @@ class Clusters:
         """(M,) True for the inner sides of closed meshes."""
         return np.asarray(self.keys >> _WITHIN == 1)
 
-    @property
-    def min_area(self) -> float:
-        """Area in m² of the smallest cluster that has a site before the last round."""
-        return _MIN_AREA * self.spacing**2
+    def choose(self, left: np.ndarray, most: int, small: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sites among the members `left`, and the site of each member, see choose_sites.
 
-    def choose(self, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sites among the members `left`, and the site of each member, see choose_sites."""
-        area = self.area[left] * 4.0 ** self.level[left]
-        return choose_sites(self.keys[left], self.members.position[left], area, min_area, most)
+        small: True if small clusters have sites as well.
+        """
+        area, least = self.area[left] * 4.0 ** self.level[left], 0.0 if small else _MIN_AREA * self.spacing**2
+        return choose_sites(self.keys[left], self.members.position[left], area, least, most)
 
     def merged(self, width: float) -> Clusters:
         """Return the clusters with one member for all of one mesh in one voxel of `width` metres that are alike in normals."""

@@ -190,7 +190,7 @@ class SiteChooser:
         while True:
             keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing, level, within)
             clusters = Clusters(tessellation, members, keys, spacing, area, of_mesh, member, lit, level)
-            sites = len(clusters.choose(left, len(left), clusters.min_area)[0])
+            sites = len(clusters.choose(left, len(left), small=False)[0])
             if sites <= most:
                 break
             if doublings:  # the corners of a thousand distant houses must not take the sites of a room
@@ -207,8 +207,7 @@ class SiteChooser:
         members, site = clusters.members, np.full(len(clusters.members), -1)
         left, sites = np.flatnonzero(clusters.lit), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
-            min_area = clusters.min_area if number < _ROUNDS - 1 else 0.0
-            choosing = partial(clusters.choose, left, self.detail.most - len(sites), min_area)
+            choosing = partial(clusters.choose, left, self.detail.most - len(sites), small=number == _ROUNDS - 1)
             chosen, site_of = yield from in_background(choosing)
             chosen = left[chosen]
             pending = np.flatnonzero(site_of >= 0)

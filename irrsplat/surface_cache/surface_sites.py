@@ -60,12 +60,8 @@ class SurfaceSites(Owner):
     def write(self, E: np.ndarray) -> None:
         """Let lookups find the values E, (S, 3) in W/m²."""
         rows = np.zeros((self.values.width * self.values.height, 4), "f4")
-        rows[: len(E)] = self.texels(E)
+        rows[: len(E)] = np.column_stack([E, np.sqrt(self.area)])  # with the extents of the sites, metres
         self.values.write(rows.tobytes())
-
-    def texels(self, E: np.ndarray) -> np.ndarray:
-        """Return (S, 4) float32, the texels of surface_values: E (S, 3) in W/m², and the extents of the sites in metres."""
-        return np.column_stack([E, np.sqrt(self.area)]).astype("f4")
 
 
 def no_sites(ctx: moderngl.Context) -> SurfaceSites:
