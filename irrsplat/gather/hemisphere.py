@@ -14,7 +14,7 @@ from contextlib import nullcontext
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
-from irrsplat.gather.record_frame import eye_heights, eye_positions, offset_of, tangent_frames
+from irrsplat.gather.record_frame import eye_positions, offset_of, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, float_texture, table_texture, uneven
@@ -23,9 +23,6 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
 from irrsplat.records.record_cache import RecordCache
-
-_BESIDE = 0.014  # of the image height: distance of a record's additional eyes for next-event estimation
-_SCREEN = 0.25  # of the scene's diagonal: default of the image height
 
 
 class Gather(Owner):
@@ -59,19 +56,6 @@ class Gather(Owner):
         """Greatest height of a record's eye above its surface, metres."""
         return offset_of(self.world.scene)
 
-    def heights(self, sites: Sites) -> np.ndarray:
-        """Return (N,) metres: the height of each site's eye above its surface, at most the offset."""
-        return eye_heights(sites, self.world.scene)
-
-    def steps(self, sites: Sites) -> np.ndarray:
-        """Return (N,) metres: distance of each site's additional eyes for next-event estimation.
-
-        It is about the radius that a record covers on screen, so that the eyes sample the change of light within it.
-        """
-        screen = sites.screen_heights
-        known = np.where(screen > 0.0, screen, _SCREEN * self.world.scene.diagonal)
-        return np.maximum(_BESIDE * known, self.offset)
-
     @property
     def radii(self) -> tuple[float, float]:
         """The least and the greatest R_k, metres: the offset bounds distances below, and a miss counts as a scene's diagonal."""
@@ -99,14 +83,17 @@ class Gather(Owner):
         """
         return self._pace.batches(requested, self.capacity, budget, times * self.share.size)
 
-    def _frame_rows(self, sites: Sites, numbers: np.ndarray, seed: int) -> np.ndarray:
-        """Return (5, N, 4) float32, the rows of Atlas.frames of the records of these `numbers` in the cache, at `sites`."""
+    def _frame_rows(self, sites: Sites, numbers: np.ndarray, seed: int, heights: np.ndarray) -> np.ndarray:
+        """Return (5, N, 4) float32, the rows of Atlas.frames of the records of these `numbers` in the cache, at `sites`.
+
+        heights: (N,) metres, of the eyes above the surface.
+        """
         frame = tangent_frames(sites.normal, sites.frame_rotations(numbers), seed)
         rows = np.zeros((5, len(sites), 4), "f4")
         rows[:3, :, :3] = frame.swapaxes(0, 1)
         rows[2, :, 3] = -1.0 if sites.triangle is None else sites.triangle
         rows[3, :, :3], rows[3, :, 3] = np.einsum("nij,nj->ni", frame, sites.geometric.astype(float)), numbers
-        rows[4, :, :3] = eye_positions(sites, self.world.geometry.corners, self.heights(sites))
+        rows[4, :, :3] = eye_positions(sites, self.world.geometry.corners, heights)
         return rows
 
     @abstractmethod

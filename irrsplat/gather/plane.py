@@ -44,13 +44,10 @@ class PlaneGather(Gather):
         """Height of a record's eye above its surface, metres; a nearer near plane would cost depth precision."""
         return OFFSET[0] * self.world.scene.diagonal
 
-    def heights(self, sites: Sites) -> np.ndarray:
-        """Return (N,) metres: the offset for all sites."""
-        return np.full(len(sites), self.offset)
-
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         atlas, count = self.atlas, len(sites)
-        atlas.frames.write(self._frame_rows(sites, numbers, seed).tobytes(), viewport=(0, 0, count, 5))
+        rows = self._frame_rows(sites, numbers, seed, np.full(count, self.offset))
+        atlas.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
         used = (0, 0, self.target.size[0], -(-count // atlas.columns) * atlas.cell[1])
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)

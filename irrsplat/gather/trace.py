@@ -15,7 +15,7 @@ from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.close_light import LEAST, CloseLight, cells
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
-from irrsplat.gather.record_frame import FEW_RAYS, PLACES, atlas_grid, places_of_texels, sample_offsets
+from irrsplat.gather.record_frame import FEW_RAYS, PLACES, atlas_grid, eye_heights, places_of_texels, sample_offsets
 from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import LEAST_SIDE, ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
@@ -25,6 +25,9 @@ from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
+
+_BESIDE = 0.014  # of the image height: distance of a record's additional eyes for next-event estimation
+_SCREEN = 0.25  # of the scene's diagonal: default of the image height
 
 
 class FirstHits(Owner):
@@ -107,10 +110,12 @@ class TraceGather(Gather):
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         atlas, count = self.atlas, len(sites) // self.places
-        rows = self._frame_rows(sites, numbers, seed)
+        rows = self._frame_rows(sites, numbers, seed, eye_heights(sites, self.world.scene))
         # one sample pattern for all places of a record
         rows[:2, :, 3] = sample_offsets(sites.frame_rotations(numbers) // self.places, seed).T
-        rows[4, :, 3] = self.steps(sites)
+        # about the radius that a record covers on screen, so that the eyes beside it sample the change of light within it
+        screen = np.where(sites.screen_heights > 0.0, sites.screen_heights, _SCREEN * self.world.scene.diagonal)
+        rows[4, :, 3] = np.maximum(_BESIDE * screen, self.offset)
         atlas.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 5))
         hits: np.ndarray | None = None
         uniforms, samples = self.search(rows, light)

@@ -19,7 +19,6 @@ from irrsplat.scene.emitters import mean_emission
 from irrsplat.surface_cache.clustering import voxel_keys
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
-from irrsplat.surface_cache.transport import Transport
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
 _SMALL = 0.02  # of E: a step that changes more is followed by another one in the same frame
@@ -36,18 +35,13 @@ class Follower:
     """
 
     def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray) -> None:
-        self._rays, self._sites = rays, sites
+        assert sites.transport is not None
+        self._rays, self._sites, self._transport = rays, sites, sites.transport
         self.direct: np.ndarray | None = None
         self._beyond = E_1  # c once `begin` has taken F·D away
         self.relit = self.is_rough = False
         self._kept = np.ones((sites.records.count, 1))  # share of each site's c that is valid for the present light
         self._moved_emitters = np.zeros(sites.records.count, bool)  # True for sites on emissive meshes that have moved
-
-    @property
-    def _transport(self) -> Transport:
-        """F between the sites."""
-        assert self._sites.transport is not None
-        return self._sites.transport
 
     def begin(self, shadows: ShadowMaps) -> None:
         """Measure the direct light before the first change of the scene."""
