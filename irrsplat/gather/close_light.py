@@ -70,11 +70,8 @@ class CloseLight(Owner):
         count = len(eyes) // PLACES
         if count > self.found.count:
             self.found.append(eyes[: count - self.found.count])
-
-        def where(numbers: np.ndarray) -> Sites:
-            return eyes[rows_of_places(numbers, PLACES)]
-
-        gather_records(self.gather, self.reduce, light, self.found, np.arange(count), seed, where=where)
+        numbers, where = np.arange(count), lambda some: eyes[rows_of_places(some, PLACES)]
+        gather_records(self.gather, self.reduce, light, self.found, numbers, seed, where=where)
         found = self.found.records.read("irradiance", "noise")
         values = np.stack([found["irradiance"] @ LUMINANCE, found["noise"]], axis=1)[:count]
         return np.asarray(np.add.reduceat(values, np.cumsum(gathers) - gathers) / gathers[:, None])

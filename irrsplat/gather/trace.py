@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
@@ -19,7 +20,6 @@ from irrsplat.gather.record_frame import FEW_RAYS, PLACES, atlas_grid, eye_heigh
 from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import LEAST_SIDE, ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture, uneven
 from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.world import World
@@ -28,30 +28,6 @@ from irrsplat.lighting.light_table import light_defines
 
 _BESIDE = 0.014  # of the image height: distance of a record's additional eyes for next-event estimation
 _SCREEN = 0.25  # of the scene's diagonal: default of the image height
-
-
-class FirstHits(Owner):
-    """Texture with the first triangles that the rays of a batch of records hit, found by Embree.
-
-    rays: (R, 3) directions of the texels of a `cell`, in a record's frame. places: number of eye positions of a record.
-    """
-
-    def __init__(self, world: World, rays: np.ndarray, cell: tuple[int, int], places: int, capacity: int) -> None:
-        self.world = world
-        # each place has as many texels; for one place a slice suffices, and numpy copies slices ten times as fast
-        self._by_place = np.argsort(places_of_texels(cell, places), kind="stable") if places > 1 else slice(None)
-        self._rays = rays[self._by_place].reshape(places, -1, 3)
-        self.texture = self.own(integer_texture(world.ctx, (TABLE_COLUMNS, uneven(row_count(capacity * len(rays))))))
-
-    def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Trace the rays of records with these `rows` of Atlas.frames. Return (N, R) the triangles hit, -1: none."""
-        found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), self._rays)
-        count, lines = found.size // (self._rays.size // 3), -(-found.size // TABLE_COLUMNS)
-        table = np.zeros(lines * TABLE_COLUMNS, np.int32)
-        hits = table[: found.size].reshape(count, -1)
-        hits[:, self._by_place] = found.reshape(count, -1)
-        self.texture.write(table, viewport=(0, 0, TABLE_COLUMNS, lines))
-        return hits
 
 
 class TraceGather(Gather):
@@ -101,7 +77,11 @@ class TraceGather(Gather):
         directions = np.concatenate([rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         atlas = self._empty_atlas(self.target, columns, stratum_edges(side))
         self.atlas = replace(atlas, rays=self.own(table_texture(ctx, directions, varying=True)))
-        self.first_hits = self.own(FirstHits(world, rays, cell, places, capacity)) if embree else None
+        hits_size = TABLE_COLUMNS, uneven(row_count(capacity * len(rays)))
+        self._first_hits = self.own(integer_texture(ctx, hits_size)) if embree else None
+        # each place has as many texels; for one place a slice suffices, and numpy copies slices ten times as fast
+        self._by_place = np.argsort(places_of_texels(cell, places), kind="stable") if places > 1 else slice(None)
+        self._rays_of_places = rays[self._by_place].reshape(places, -1, 3)
         self.rays = np.stack([*rays.T, table[..., 3].ravel()])
         resolves_close = surface and not hits and places == 1 and len(rays) > LEAST
         self._close_light = self.own(float_texture(ctx, (uneven(capacity), 1), 2)) if resolves_close else None
@@ -113,15 +93,15 @@ class TraceGather(Gather):
         rows = self._frame_rows(sites, numbers, seed, eye_heights(sites, self.world.scene))
         # one sample pattern for all places of a record
         rows[:2, :, 3] = sample_offsets(sites.frame_rotations(numbers) // self.places, seed).T
-        # about the radius that a record covers on screen, so that the eyes beside it sample the change of light within it
+        # about the radius that a record covers on screen, so that its additional eyes sample the change of light within it
         screen = np.where(sites.screen_heights > 0.0, sites.screen_heights, _SCREEN * self.world.scene.diagonal)
         rows[4, :, 3] = np.maximum(_BESIDE * screen, self.offset)
         atlas.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 5))
         hits: np.ndarray | None = None
         uniforms, samples = self.search(rows, light)
-        if self.first_hits is not None:
-            hits = self.first_hits(rows)
-            uniforms["first_hits"] = self.first_hits.texture
+        if self._first_hits is not None:
+            hits = self._find(rows, self._first_hits)
+            uniforms["first_hits"] = self._first_hits
         uniforms |= self.world.seen_uniforms(hits is not None) | light.uniforms
         lines, rest = divmod(count, atlas.columns)
         width, height = atlas.cell
@@ -149,9 +129,21 @@ class TraceGather(Gather):
             close = {**(light.surface or {}), "close_light": self._close_light}
         return replace(atlas, count=count, light_samples=() if self._survey else samples, sky_share=sky_share, close_light=close)
 
+    def _find(self, rows: np.ndarray, texture: moderngl.Texture) -> np.ndarray:
+        """Trace the rays of records with these `rows` of Atlas.frames by Embree, and write the triangles hit to the `texture`.
+
+        Return their numbers (N, R), -1: none.
+        """
+        found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), self._rays_of_places)
+        table = np.zeros(row_count(found.size) * TABLE_COLUMNS, np.int32)
+        hits = table[: found.size].reshape(-1, self.rays.shape[1])
+        hits[:, self._by_place] = found.reshape(hits.shape)
+        texture.write(table, viewport=(0, 0, TABLE_COLUMNS, len(table) // TABLE_COLUMNS))
+        return hits
+
     def _close_hits(self) -> CloseLight:
         """Return the passes for light at close hits, which all gathers of the world share."""
-        world, embree, samples = self.world, self.first_hits is not None, min(self._light_samples, PLACES)
+        world, embree, samples = self.world, self.kind == "embree", min(self._light_samples, PLACES)
         emitters = samples > 0 and emitter_table(world) is not None
         inputs = light_defines(world.scene), dict(world.material_defines), samples, embree, emitters
 

@@ -100,14 +100,6 @@ class Follower:
         sums = [np.bincount(group, of_channel) for of_channel in (*values.T, np.ones(len(group)))]
         return np.stack([one / sums[3] for one in sums[:3]], axis=1)[group]
 
-    @property
-    def order(self) -> np.ndarray:
-        """The sites around which something has moved since they were gathered, in the order in which they are to be gathered
-        again: those around which most has changed come first."""
-        due = self._sites.records.column("due")
-        order = np.argsort(-due, kind="stable")
-        return order[: np.count_nonzero(due > 0.0)]
-
     def step(self, shadows: ShadowMaps, E: np.ndarray, gathered: np.ndarray) -> np.ndarray:
         """Return (S, 3) the present irradiance, W/m², from that of the frame before, E. gathered: the sites that were gathered
         with the present lights."""
@@ -119,10 +111,14 @@ class Follower:
             self._beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
             self._kept[gathered] = 1.0
         beyond = self._beyond * np.where(emits(self._rays.world.scene), 1.0, self._kept).astype(np.float32)
-        hidden = self._hidden
+        hidden, stale = self._hidden, np.flatnonzero(self._sites.records.column("due"))
         least, change = _SMALL * E.mean(), np.inf
         while change > least:
-            before, E = E, np.maximum(self._bounced(beyond, D + E, hidden), 0.0)
+            before, light = E, D + E
+            E = beyond + self._transport(light)
+            if hidden is not None:  # only stale rows of F have rays from afar to hidden sites
+                E[stale] = beyond[stale] + self._transport(np.where(hidden, 0.0, light), stale)
+            E = np.maximum(E, 0.0)
             least, change = max(least, _SMALL * E.mean()), np.abs(E - before).mean()
         return E
 
@@ -134,14 +130,6 @@ class Follower:
         moved = np.repeat(self._moved_emitters[:, None], 3, axis=1)
         reflected, whole = (self._transport(sites).sum(1) for sites in (moved, np.ones_like(moved)))
         return np.asarray(reflected > _HIDDEN * whole)[:, None]
-
-    def _bounced(self, beyond: np.ndarray, light: np.ndarray, hidden: np.ndarray | None) -> np.ndarray:
-        """Return (S, 3) the irradiance by `light` at the sites and by the residual `beyond`, W/m². hidden: see `_hidden`."""
-        E: np.ndarray = beyond + self._transport(light)
-        if hidden is not None:  # only stale rows of F have rays from afar to hidden sites
-            stale = np.flatnonzero(self._sites.records.column("due"))
-            E[stale] = beyond[stale] + self._transport(np.where(hidden, 0.0, light), stale)
-        return E
 
 
 def overlap(before: np.ndarray, after: np.ndarray, area: np.ndarray) -> float:

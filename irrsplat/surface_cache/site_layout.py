@@ -118,7 +118,7 @@ class SiteChooser:
     def layout(self) -> Steps[SiteLayout]:
         """Choose the sites: all steps in their order."""
         grading = yield from self.grading()
-        clusters = yield from self.clusters(grading)
+        clusters = yield from in_background(partial(self.clusters, grading))
         chosen, site = yield from self._assign(clusters)
         yield
         area = np.bincount(site[site >= 0], clusters.area[site >= 0], len(chosen))
@@ -140,10 +140,6 @@ class SiteChooser:
         """Metres, the least extent of the surroundings of an eye that is not in a wall or on a surface."""
         return _FREE * self.offset
 
-    def clusters(self, grading: Grading) -> Steps[Clusters]:
-        """Return the clusters of the corners of cells by this `grading`."""
-        return in_background(partial(self._cluster, grading))
-
     def rooms(self, places: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) metres: the upper quartile of distances from `places` (N, 3) to surfaces."""
         far = self.scene.diagonal
@@ -152,7 +148,7 @@ class SiteChooser:
         rooms = [np.quantile(one[one < 1.0], 0.75) if (one < 1.0).any() else 1.0 for one in reach.reshape(-1, _DIRECTIONS)]
         return far * np.array(rooms)
 
-    def _cluster(self, grading: Grading) -> Clusters:
+    def clusters(self, grading: Grading) -> Clusters:
         """Tessellate the surfaces that light sees, and cluster the corners.
 
         The spacing follows from the area of the surfaces, in which distant ones count less. Where too many sites would result,

@@ -13,6 +13,7 @@ import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps, Sites
 from irrsplat.core.timing.background import Steps, in_background
+from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
@@ -218,8 +219,9 @@ class SiteLevel(Owner):
                 self.choose_again()
             return None
         assert shown is not None and shown.light is not None
-        order, before = follower.order, shown.light.irradiance
-        done = self._gather(self._rays.quick_gather(), shown, order, shadows, budget.part(0.0, 0.0))
+        due, before = shown.records.column("due"), shown.light.irradiance
+        order = np.argsort(-due, kind="stable")[: np.count_nonzero(due)]  # the sites around which most has moved come first
+        done = self._gather(self._rays.gather(0.0), shown, order, shadows, budget.part(0.0, 0.0))
         E = follower.step(shadows, before, order[:done])
         self._show(E)
         return float(np.abs(E - before).mean() / max(float(before.mean()), 1e-20))
@@ -236,7 +238,7 @@ class SiteLevel(Owner):
         if sites.places is None:
             sites.places = yield from self._places(sites)
         while True:
-            gather = self._rays.gather_for(records.count)
+            gather = self._rays.gather(1.0 / max(records.count, 1))
             if self.settings.most_bounces > 2 and sites.transport is None:
                 records.invalidate()
                 sites.transport = Transport(records.count, gather.share.size)
@@ -247,11 +249,11 @@ class SiteLevel(Owner):
 
     def _places(self, sites: SurfaceSites) -> Steps[Sites]:
         """Return the ray origins of sites, by a survey along few rays."""
-        records, rays = sites.records, self._rays.survey_gather().share.size
+        records, rays = sites.records, LEAST_SIDE**2
         survey, shape = Transport(records.count, rays), (records.count, rays)
         met: list[np.ndarray] = [np.zeros((*shape, 3), "f4"), np.zeros((*shape, 3), "f4"), np.zeros(shape, np.intp)]
         while True:
-            gather = self._rays.survey_gather()
+            gather = self._rays.gather(0.0, survey=True)
             for batch in self._rays.gathered(gather, sites, np.flatnonzero(~survey.known), *self._tick):
                 survey.fill(batch, *gather.hits(len(batch)))
                 for column, values in zip(met, gather.met(len(batch)), strict=True):

@@ -47,46 +47,24 @@ class SiteRays(Owner):
         """True if Embree traces the sites' rays."""
         return ray_kind(self.world.ctx, self.settings) == "embree"
 
-    # ---- the gathers -----------------------------------------------------------------------------------------------
+    def gather(self, share: float, survey: bool = False) -> TraceGather:
+        """Return the rays from the places of a site, with the sites that they meet, compiled for the scene's kinds of lights.
 
-    def gather_for(self, sites: int) -> TraceGather:
-        """Return the gather from the places of so many sites, which share all rays."""
-        rays = RAYS * self._detail.points * self._detail.rays / max(sites, 1)
-        return self._gather("gather", self._side(rays))
-
-    def quick_gather(self) -> TraceGather:
-        """Return the gather of the fewest rays from the places of sites."""
-        return self._gather("quick gather", self._side(0.0))
-
-    def survey_gather(self) -> TraceGather:
-        """Return the gather of few rays from each site itself, with the places of their hits."""
-        return self._gather("survey", LEAST_SIDE, survey=True)
-
-    def _side(self, rays: float) -> int:
-        """Return the side of the gather of a site that has this share of all rays."""
+        share: of the rays of all sites; 0 for the fewest rays. survey: few rays from the site itself, with the places where they
+        meet other sites.
+        """
         least, most = (round(limit * self._detail.rays**0.5) for limit in SIDES)
-        return int(np.clip(np.sqrt(rays), least, most))
-
-    def _gather(self, name: str, side: int, survey: bool = False) -> TraceGather:
-        """Return rays of this side from the places of sites, with the sites that they meet, compiled for the scene's kinds of
-        lights. survey: from the sites themselves, with the places where they meet others."""
+        rays = RAYS * self._detail.points * self._detail.rays * share
+        side = LEAST_SIDE if survey else int(np.clip(np.sqrt(rays), least, most))
         lights, samples = light_defines(self.world.scene), min(self.settings.light_samples, int(SAMPLE_SHARE * side**2))
-        embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
+        embree, emitters, places = self._embree, samples > 0 and emitter_table(self.world) is not None, 1 if survey else PLACES
         return self._made.get(
-            name,
+            f"gather {share > 0.0} {survey}",
             (side, lights, samples, embree, emitters),
             lambda: TraceGather(
-                self.world,
-                side,
-                FEW_RAYS // side**2,
-                hits=True,
-                places=1 if survey else PLACES,
-                light_samples=samples,
-                embree=embree,
+                self.world, side, FEW_RAYS // side**2, hits=True, places=places, light_samples=samples, embree=embree
             ),
         )
-
-    # ---- light at the sites ----------------------------------------------------------------------------------------
 
     def gathered(
         self,

@@ -274,7 +274,7 @@ def clusters(world: World, detail: Detail) -> Clusters:
     chooser = SiteChooser(world.scene, world.caster.reach, detail, world.eyes)
     grading = Budget(None).advance(chooser.grading())
     assert grading is not None
-    made = Budget(None).advance(chooser.clusters(grading))
+    made = chooser.clusters(grading)
     assert made is not None
     return made
 
