@@ -43,10 +43,10 @@ class CloseLight(Owner):
         """Return (N, 2) luminances in W/m²: mean E at the close hits of N records, and its part by close values of the surface
         cache; that is -1 for records with few close hits.
 
-        rows: (5, N, 4) of Atlas.frames, for records at these `sites`. rotations: (N,) seeds of the frames. planes: of
-        Atlas.planes, see `cells`. rays: (4, R) directions in a frame, and cosθ·dω. triangles: (N, R) of the hits, if known.
+        rows: (5, N, 4) of Atlas.frames, for records at these `sites`. rotations: (N,) seeds of the frames. planes:
+        (N, R, 4) texels of Atlas.planes. rays: (4, R) directions in a frame, and cosθ·dω. triangles: (N, R) of hits, if known.
         """
-        pair = np.maximum(cells(planes, 3, len(rotations)), 0.0).astype(np.int32)
+        pair = np.maximum(planes[..., 3], 0.0).astype(np.int32)
         reflected = (pair & int(TWELVE_BITS)).astype(np.float32) * (rays[3] / (np.pi * TWELVE_BITS))
         close = reflected.sum(1) * rays.shape[1]
         gathers = np.where(close > LEAST, np.ceil(close * _RAYS / LEAST_SIDE**2), 0.0).astype(np.intp)
@@ -56,7 +56,7 @@ class CloseLight(Owner):
             row, texel, rank = drawn(reflected[some], gathers[some])
             record = some[row]
             along = np.einsum("kn,nkx->nx", rays[:3, texel], rows[:3, record, :3].swapaxes(0, 1))
-            plane = planes[*np.divmod(record, planes.shape[1]), *np.divmod(texel, planes.shape[3]), :3]
+            plane = planes[record, texel, :3]
             place = rows[4, record, :3] + along / np.einsum("nx,nx->n", plane, along)[:, None]
             facing = -plane / np.linalg.norm(plane, axis=1, keepdims=True)
             triangle = None if triangles is None else triangles[record, texel]
@@ -75,16 +75,6 @@ class CloseLight(Owner):
         found = self.found.records.read("irradiance", "noise")
         values = np.stack([found["irradiance"] @ LUMINANCE, found["noise"]], axis=1)[:count]
         return np.asarray(np.add.reduceat(values, np.cumsum(gathers) - gathers) / gathers[:, None])
-
-
-def cells(output: np.ndarray, part: int | slice, count: int) -> np.ndarray:
-    """Return (N, R, …) a part of the four numbers of each texel, for `count` records.
-
-    output: (lines, columns, height, width, 4) of an atlas, whose cells have R texels each.
-    """
-    lines, columns, height, width, _ = output.shape
-    some = output[..., part]
-    return some.reshape(lines * columns, height * width, *some.shape[4:])[:count]
 
 
 def drawn(weights: np.ndarray, gathers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -76,12 +76,12 @@ class Gather(Owner):
             block=(side, side),
         )
 
-    def batches(self, requested: int, budget: Budget, times: int = 1) -> Iterator[slice]:
+    def batches(self, requested: int, budget: Budget) -> Iterator[slice]:
         """Return slices of the `requested` number of records, one batch each, until all are done or the budget ends.
 
-        The caller gathers each batch before it takes the next. times: the number of gathers of each record.
+        The caller gathers each batch before it takes the next.
         """
-        return self._pace.batches(requested, self.capacity, budget, times * self.share.size)
+        return self._pace.batches(requested, self.capacity, budget, self.share.size)
 
     def _frame_rows(self, sites: Sites, numbers: np.ndarray, seed: int, heights: np.ndarray) -> np.ndarray:
         """Return (5, N, 4) float32, the rows of Atlas.frames of the records of these `numbers` in the cache, at `sites`.

@@ -13,7 +13,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.gather.close_light import LEAST, CloseLight, cells
+from irrsplat.gather.close_light import LEAST, CloseLight
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
 from irrsplat.gather.record_frame import FEW_RAYS, PLACES, atlas_grid, eye_heights, places_of_texels, sample_offsets
@@ -162,17 +162,18 @@ class TraceGather(Gather):
         surface. The share (N, R, 3) of the value's irradiance that the record receives: ρ/π·cosθ·dω, 0 there. The value is one
         of three there, drawn by its weight; in a survey, that of the greatest weight.
         """
-        found = cells(self._read(2, count), np.s_[:], count)
+        found = self._read(2, count)
         return found[..., 3].astype(np.intp), (self.rays[3] / np.pi)[:, None] * found[..., :3]
 
     def met(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position and shading normal on the side of the hit, (N, R, 3) each, and the triangle's number in the scene,
         (N, R), for the rays of `hits`; undefined for a miss."""
-        place, normal = (cells(self._read(number, count), np.s_[:], count) for number in (3, 4))
+        place, normal = (self._read(output, count) for output in (3, 4))
         return place[..., :3], normal[..., :3], place[..., 3].astype(np.intp)
 
     def _read(self, output: int, count: int) -> np.ndarray:
-        """Return (lines, columns, height, width, 4) an output of the last call for its first `count` records, see `cells`."""
+        """Return (N, R, 4) an output of the last call for the texels of its first `count` records."""
         lines, columns, (width, height) = -(-count // self.atlas.columns), self.atlas.columns, self.cell
         texels = self.target.gl.read((0, 0, columns * width, lines * height), 4, attachment=output, dtype="f4")
-        return np.frombuffer(texels, "f4").reshape(lines, height, columns, width, 4).swapaxes(1, 2)
+        cells = np.frombuffer(texels, "f4").reshape(lines, height, columns, width, 4).swapaxes(1, 2)
+        return cells.reshape(-1, height * width, 4)[:count]

@@ -24,7 +24,7 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
-from irrsplat.surface_cache.surface_sites import SurfaceSites, no_sites
+from irrsplat.surface_cache.surface_sites import no_sites
 from irrsplat.surface_cache.transport import BouncedLight
 
 _LIGHT = "seed", "bounces", "light_samples", "shadow_size"  # settings on which values depend
@@ -84,9 +84,9 @@ class SurfaceCache(Owner):
         """True if the values of the full level are of another light, or missing."""
         return self.level.light is None or (self.relit and not (self.in_use is self.level and self.level.is_close))
 
-    def uniforms(self, sites: SurfaceSites | None = None) -> Uniforms:
-        """Return the uniforms of shaders/surface_cache/lookup.glsl for these `sites`; None for those in use."""
-        return (sites or self.in_use.shown or self._no_sites).uniforms(self.world)
+    def uniforms(self) -> Uniforms:
+        """Return the uniforms of shaders/surface_cache/lookup.glsl for the sites in use."""
+        return (self.in_use.shown or self._no_sites).uniforms(self.world)
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """Return the cache's values at every pixel, see SurfaceViewPass; valid until the next call."""
