@@ -98,12 +98,6 @@ class SurfaceCache(Owner):
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 
-    def hold_light(self, shadows: ShadowMaps) -> None:
-        """Prepare the full level, and the level in use, to follow a change of the scene. shadows: the maps before the change."""
-        for level in dict.fromkeys((self.level, self.in_use)):
-            if level.follower is not None:
-                level.follower.begin(shadows)
-
     def change(self, settings: Settings, change: SceneChange) -> None:
         """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones."""
         level, coarse = self.level, self._coarse

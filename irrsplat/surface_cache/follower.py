@@ -28,32 +28,24 @@ _FROM_BLACK = 4.0  # growth of reflected light, beyond which the residual is of 
 
 
 class Follower:
-    """Values at `sites` that follow moving light, from `begin` on. The transport between the sites is known.
+    """Values at `sites` that follow moving light. The transport between the sites is known.
 
-    E_1: (S, 3) irradiance gathered with the present lights, W/m². direct: their D; None before `begin`. relit: True if lights
-    have changed since the last step. is_rough: True if emission has changed since the gather.
+    E_1: (S, 3) irradiance gathered with the present lights, W/m². direct: (S, 3) their D. relit: True if lights have changed
+    since the last step. is_rough: True if emission has changed since the gather.
     """
 
-    def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray) -> None:
+    def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray, shadows: ShadowMaps) -> None:
         assert sites.transport is not None
         self._rays, self._sites, self._transport = rays, sites, sites.transport
-        self.direct: np.ndarray | None = None
-        self._beyond = E_1  # c once `begin` has taken F·D away
+        self.direct = rays.direct_light(sites, shadows)
+        self._beyond = E_1 - self._transport(self.direct)  # c
         self.relit = self.is_rough = False
         self._kept = np.ones((sites.records.count, 1))  # share of each site's c that is valid for the present light
         self._moved_emitters = np.zeros(sites.records.count, bool)  # True for sites on emissive meshes that have moved
 
-    def begin(self, shadows: ShadowMaps) -> None:
-        """Measure the direct light before the first change of the scene."""
-        if self.direct is None:
-            self.direct = self._rays.direct_light(self._sites, shadows)
-            self._beyond = self._beyond - self._transport(self.direct)
-
     def dim(self, factor: np.ndarray) -> None:
         """Scale direct light and residual by `factor`, (3,)."""
-        self._beyond = self._beyond * factor
-        if self.direct is not None:
-            self.direct = self.direct * factor
+        self._beyond, self.direct = self._beyond * factor, self.direct * factor
 
     def move(self, change: SceneChange) -> None:
         """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""
@@ -71,7 +63,6 @@ class Follower:
         A hit on a cell of a site counts as a hit on the site's mesh. Detail in the residual belongs to bright spots, which rays
         of single sites miss: it follows the reflectance at hits by the squares of D, in means over sites around.
         """
-        assert self.direct is not None
         pairs = [(change.old.meshes[i].material, change.new.meshes[i].material) for i in change.repainted]
         if any(replace(a, emission=b.emission, emission_texture=b.emission_texture) != b for a, b in pairs):
             self._transport.known[:] = False
@@ -103,7 +94,6 @@ class Follower:
     def step(self, shadows: ShadowMaps, E: np.ndarray, gathered: np.ndarray) -> np.ndarray:
         """Return (S, 3) the present irradiance, W/m², from that of the frame before, E. gathered: the sites that were gathered
         with the present lights."""
-        assert self.direct is not None
         D = self._rays.direct_light(self._sites, shadows)
         if self.relit:
             self._kept[:], self.relit = overlap(self.direct, D, self._sites.area), False

@@ -104,8 +104,7 @@ class SiteLevel(Owner):
             return
         if change.hides or other_rays:  # sites without a place
             self._forget_transport()
-        # of another sky, or changed before any shadow map
-        if self.follower is not None and (change.other_sky or ((moved or relit) and self.follower.direct is None)):
+        if change.other_sky:
             self.follower = None
         if change.repainted:
             self._repaint(change)
@@ -293,6 +292,6 @@ class SiteLevel(Owner):
         before, self.shown, self.complete = self.shown, sites, True
         self._making, self.follower, self.still, self._moved = None, None, np.inf, False
         if sites.transport is not None and sites.records.count and self.settings.bounces == "all" and self.detail.level <= 0:
-            self.follower = Follower(self._rays, sites, sites.records.read()["irradiance"])
+            self.follower = Follower(self._rays, sites, sites.records.read()["irradiance"], self._tick[0])
         if before is not None and before is not sites:
             before.release()

@@ -213,7 +213,6 @@ class RecordGatherer(Owner):
         if settings == old.settings and not change and self.world.shows(scene):
             return None
         new = replace(old, scene=scene, settings=settings, kind=kinds.kind(self.ctx, settings))
-        surface = self._made.find("surface", SurfaceCache)
         # work that may fail comes first
         # another way to gather voids all probes; records from a file have light that no probe finds without a surface cache
         other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way and not self.awaits_light
@@ -221,8 +220,6 @@ class RecordGatherer(Owner):
             adopt_probes(cache)
             unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
             cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)  # the former light, a last time
-            if surface is not None and change:
-                surface.hold_light(shadows)
         try:
             self.world.apply(change)
             self.gather_pass(new)
