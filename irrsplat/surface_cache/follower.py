@@ -19,6 +19,7 @@ from irrsplat.scene.emitters import mean_emission
 from irrsplat.surface_cache.clustering import voxel_keys
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
+from irrsplat.surface_cache.transport import BouncedLight
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
 _SMALL = 0.02  # of E: a step that changes more is followed by another one in the same frame
@@ -30,22 +31,23 @@ _FROM_BLACK = 4.0  # growth of reflected light, beyond which the residual is of 
 class Follower:
     """Values at `sites` that follow moving light. The transport between the sites is known.
 
-    E_1: (S, 3) irradiance gathered with the present lights, W/m². direct: (S, 3) their D. relit: True if lights have changed
-    since the last step. is_rough: True if emission has changed since the gather.
+    E_1: (S, 3) irradiance gathered with the present lights, W/m². made: the light of all bounces by E_1. gathered: (S, 3) its
+    irradiance. direct: (S, 3) the D of these lights. relit: True if lights have changed since the last step. is_rough: True if
+    emission has changed since the gather.
     """
 
-    def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray, shadows: ShadowMaps) -> None:
+    def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray, made: BouncedLight, shadows: ShadowMaps) -> None:
         assert sites.transport is not None
         self._rays, self._sites, self._transport = rays, sites, sites.transport
-        self.direct = rays.direct_light(sites, shadows)
+        self.gathered, self.direct = made.irradiance, rays.direct_light(sites, shadows)
         self._beyond = E_1 - self._transport(self.direct)  # c
         self.relit = self.is_rough = False
         self._kept = np.ones((sites.records.count, 1))  # share of each site's c that is valid for the present light
         self._moved_emitters = np.zeros(sites.records.count, bool)  # True for sites on emissive meshes that have moved
 
     def dim(self, factor: np.ndarray) -> None:
-        """Scale direct light and residual by `factor`, (3,)."""
-        self._beyond, self.direct = self._beyond * factor, self.direct * factor
+        """Scale all light by `factor`, (3,)."""
+        self._beyond, self.direct, self.gathered = self._beyond * factor, self.direct * factor, self.gathered * factor
 
     def move(self, change: SceneChange) -> None:
         """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""

@@ -53,7 +53,6 @@ class SiteLevel(Owner):
         self.complete = False
         self.sites: SurfaceSites | None = None
         self.follower: Follower | None = None
-        self._gathered: BouncedLight | None = None  # the last values that no follower has updated
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -84,10 +83,10 @@ class SiteLevel(Owner):
     @property
     def is_close(self) -> bool:
         """True if values that follow a change of the scene differ little from the values of the last gather."""
-        if self.light is None or self._gathered is None or self.follower is None:
+        if self.light is None or self.follower is None:
             return False
-        before = self._gathered.irradiance
-        return bool(np.abs(self.light.irradiance - before).mean() <= _CLOSE * before.mean())
+        gathered = self.follower.gathered
+        return bool(np.abs(self.light.irradiance - gathered).mean() <= _CLOSE * gathered.mean())
 
     def change(self, settings: Settings, change: SceneChange, finish: bool = False) -> None:
         """Use other settings, and the world's scene after a `change`. The former values stay until `advance` makes new ones.
@@ -135,8 +134,6 @@ class SiteLevel(Owner):
             self.follower.dim(f)
         if self.light is not None:
             self._show(self.light.irradiance * f)
-        if self._gathered is not None:
-            self._gathered = replace(self._gathered, irradiance=self._gathered.irradiance * f)
 
     def _repaint(self, change: SceneChange) -> None:
         """Let the follower follow repainted meshes; without one, discard the transport, which is of other reflectances."""
@@ -288,10 +285,10 @@ class SiteLevel(Owner):
     def _use(self, sites: SurfaceSites, made: BouncedLight) -> None:
         """Set the values of the lookups to those `made` at these `sites`."""
         sites.write(made.irradiance)
-        sites.light = self._gathered = made
+        sites.light = made
         before, self.shown, self.complete = self.shown, sites, True
         self._making, self.follower, self.still, self._moved = None, None, np.inf, False
         if sites.transport is not None and sites.records.count and self.settings.bounces == "all" and self.detail.level <= 0:
-            self.follower = Follower(self._rays, sites, sites.records.read()["irradiance"], self._tick[0])
+            self.follower = Follower(self._rays, sites, sites.records.read()["irradiance"], made, self._tick[0])
         if before is not None and before is not sites:
             before.release()
