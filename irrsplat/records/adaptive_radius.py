@@ -94,17 +94,16 @@ class AdaptiveRadius(Owner):
         self._floor_of = self.cache.count, self.cache.refresh_count
 
     def limits(self, first: int, settings: Settings, old: bool) -> np.ndarray:
-        """Return (N,) the limits of all records. Those from number `first` on are new.
+        """Return (N,) the limits of all records. Those from number `first` on are new: one at least.
 
         A new record is limited by records of lower numbers, so that batch sizes do not matter. old: limit the new records by all
         others, and those before `first` by the new ones.
         """
         count = self.cache.count
         limits = self.cache.limits(count).copy()
-        if first < count:
-            limits[first:] = self._limits(slice(first, count), 0, settings, old)
-            if first and old:
-                limits[:first] = np.minimum(limits[:first], self._limits(slice(first), first, settings, True))
+        limits[first:] = self._limits(slice(first, count), 0, settings, old)
+        if first and old:
+            limits[:first] = np.minimum(limits[:first], self._limits(slice(first), first, settings, True))
         return limits
 
     def _limits(self, which: slice, low: int, settings: Settings, by_all: bool) -> np.ndarray:
