@@ -5,6 +5,7 @@ E = Σ L·cosθ·dω (Larsen and Christensen 2004), R = Σ cosθ·dω / Σ (cos�
 
 from __future__ import annotations
 
+import math
 from itertools import product
 from typing import Any
 
@@ -16,7 +17,7 @@ from irrsplat.core.glsl import EYES_BESIDE, SHORT
 from irrsplat.core.record_layout import GATHERED
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Workshop
-from irrsplat.gpu.target import Target, float_texture, uneven
+from irrsplat.gpu.target import Region, Target, float_texture, uneven
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.settings import WIDE
 
@@ -58,7 +59,8 @@ class ReducePass(Owner):
         per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
         across, down = min(atlas.count, atlas.columns), -(-atlas.count // atlas.columns)
         used = (0, 0, across * per_cell[0], down * per_cell[1])
-        common: Uniforms = {"frames": atlas.frames, "columns": atlas.columns, "places": self.places}
+        frames: Uniforms = {"frames": atlas.frames, "columns": atlas.columns, "places": self.places}
+        common = {**frames, "blocks": per_cell}
         looks: Uniforms = {} if atlas.sky_share is None else {"sky_share": atlas.sky_share}
         self._program("reduce_blocks", SKY_MAP=sky_defines(sky)["SKY_MAP"], SKY_SHARE=int(bool(looks)))(
             target,
@@ -70,12 +72,12 @@ class ReducePass(Owner):
             edges=atlas.edges,
             cell=atlas.cell,
             block=atlas.block,
-            **common,
+            **frames,
             **sky,
             **looks,
         )
         for samples in atlas.light_samples:
-            self._add(samples, target, atlas, per_cell, used, common)
+            self._add(samples, target, atlas, used, common)
         sums: dict[str, Any] = dict(zip(_SUMS, target.textures, strict=False))
         textures = [records.textures[name] for name in GATHERED]
         self._program("reduce_total", CLOSE_LIGHT=int(atlas.close_light is not None))(
@@ -83,7 +85,6 @@ class ReducePass(Owner):
             vertices=atlas.count,
             mode=moderngl.POINTS,
             **sums,
-            blocks=per_cell,
             table=records.size,
             radii=radii,
             **common,
@@ -92,26 +93,17 @@ class ReducePass(Owner):
 
     # ---- next-event estimation ---------------------------------------------------------------------------------------
 
-    def _add(
-        self,
-        samples: LightSamples,
-        target: Target,
-        atlas: Atlas,
-        blocks: tuple[int, int],
-        used: tuple[int, int, int, int],
-        common: Uniforms,
-    ) -> None:
-        """Add the `samples` to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
+    def _add(self, samples: LightSamples, target: Target, atlas: Atlas, used: Region, common: Uniforms) -> None:
+        """Add the `samples` to the sums in `target`, in the rectangle `used`. common: the uniforms of all steps."""
         materials = {name: on for name, on in samples.materials.items() if on}
         known: Uniforms = {} if samples.free is None else {"seen": self._seen(atlas, samples)}
         program = self._program("light_samples/sum", VIRTUAL=int(samples.virtual), SEEN=int(bool(known)), **materials)
-        step = samples.count if known else _RAYS // self._eyes * blocks[0] * blocks[1]
+        step = samples.count if known else _RAYS // self._eyes * math.prod(common["blocks"])
         for first in range(0, samples.count, step):
             program(
                 target,
                 state=DrawState(blend="add"),
                 scissor=used,
-                blocks=blocks,
                 samples=samples.count,
                 span=(first, min(first + step, samples.count)),
                 **common,
