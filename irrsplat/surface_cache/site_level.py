@@ -127,13 +127,12 @@ class SiteLevel(Owner):
         """Scale all finished and unfinished values by `factor`, (3,)."""
         f = np.asarray(factor, np.float32)
         self._sum_again()
-        for sites in {self.sites, self.shown}:
-            if sites is not None:
-                sites.records.dim(f)
+        for sites in filter(None, {self.sites, self.shown}):
+            sites.records.dim(f)
+            if sites.light is not None:
+                sites.show(replace(sites.light, irradiance=sites.light.irradiance * f))
         if self.follower is not None:
             self.follower.dim(f)
-        if self.light is not None:
-            self._show(self.light.irradiance * f)
 
     def _repaint(self, change: SceneChange) -> None:
         """Let the follower follow repainted meshes; without one, discard the transport, which is of other reflectances."""
@@ -219,7 +218,7 @@ class SiteLevel(Owner):
         order = np.argsort(-due, kind="stable")[: np.count_nonzero(due)]  # the sites around which most has moved come first
         done = self._gather(self._rays.gather(0.0), shown, order, shadows, budget.part(0.0, 0.0))
         E = follower.step(shadows, before, order[:done])
-        self._show(E)
+        shown.show(replace(shown.light, irradiance=E))
         return float(np.abs(E - before).mean() / max(float(before.mean()), 1e-20))
 
     @property
@@ -273,19 +272,9 @@ class SiteLevel(Owner):
             done += len(batch)
         return done
 
-    # ---- the values in use -----------------------------------------------------------------------------------------
-
-    def _show(self, E: np.ndarray) -> None:
-        """Set the values (S, 3), W/m², of the lookups for unchanged sites."""
-        shown = self.shown
-        assert shown is not None and shown.light is not None
-        shown.write(E)
-        shown.light = replace(shown.light, irradiance=E)
-
     def _use(self, sites: SurfaceSites, made: BouncedLight) -> None:
         """Set the values of the lookups to those `made` at these `sites`."""
-        sites.write(made.irradiance)
-        sites.light = made
+        sites.show(made)
         before, self.shown, self.complete = self.shown, sites, True
         self._making, self.follower, self.still, self._moved = None, None, np.inf, False
         if sites.transport is not None and sites.records.count and self.settings.bounces == "all" and self.detail.level <= 0:

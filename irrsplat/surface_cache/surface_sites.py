@@ -57,11 +57,12 @@ class SurfaceSites(Owner):
             "surface_known": int(self.records.count > 0),
         }
 
-    def write(self, E: np.ndarray) -> None:
-        """Let lookups find the values E, (S, 3) in W/m²."""
+    def show(self, light: BouncedLight) -> None:
+        """Let lookups find the values of this light, with the extents of the sites in metres."""
         rows = np.zeros((self.values.width * self.values.height, 4), "f4")
-        rows[: len(E)] = np.column_stack([E, np.sqrt(self.area)])  # with the extents of the sites, metres
+        rows[: len(self.area)] = np.column_stack([light.irradiance, np.sqrt(self.area)])
         self.values.write(rows.tobytes())
+        self.light = light
 
 
 def no_sites(ctx: moderngl.Context) -> SurfaceSites:

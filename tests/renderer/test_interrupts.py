@@ -17,6 +17,7 @@ from irrsplat import Renderer
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.gathering import record_gatherer
 from irrsplat.surface_cache.surface_sites import SurfaceSites
+from irrsplat.surface_cache.transport import BouncedLight
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, room
 from tests.support.interrupts import run
@@ -123,15 +124,15 @@ def test_a_gather_that_fails_leaves_no_record_without_values(ctx: moderngl.Conte
 @pytest.mark.few_sites
 def test_an_interrupted_upload_of_the_surface_cache_is_made_again(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bounces are summed by then: a solution that has ended must not stand for an unfinished one."""
-    write, calls = SurfaceSites.write, list[int]()
+    show, calls = SurfaceSites.show, list[int]()
 
-    def interrupted(sites: SurfaceSites, E: np.ndarray) -> None:
-        calls.append(len(E))
+    def interrupted(sites: SurfaceSites, light: BouncedLight) -> None:
+        calls.append(light.bounces)
         if len(calls) == 1:
             raise KeyboardInterrupt
-        write(sites, E)
+        show(sites, light)
 
-    monkeypatch.setattr(SurfaceSites, "write", interrupted)
+    monkeypatch.setattr(SurfaceSites, "show", interrupted)
     with Renderer(room(), SIZE, ctx=ctx, **{**FAST, "bounces": "all"}) as renderer:
         assert renderer.render().stats["interrupted"]
         assert renderer.render().stats["converged"]
