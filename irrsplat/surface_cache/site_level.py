@@ -275,9 +275,11 @@ class SiteLevel(Owner):
     def _use(self, sites: SurfaceSites, made: BouncedLight) -> None:
         """Set the values of the lookups to those `made` at these `sites`."""
         sites.show(made)
-        before, self.shown, self.complete = self.shown, sites, True
-        self._making, self.follower, self.still, self._moved = None, None, np.inf, False
-        if sites.transport is not None and sites.records.count and self.settings.bounces == "all" and self.detail.level <= 0:
-            self.follower = Follower(self._rays, sites, sites.records.read()["irradiance"], made, self._tick[0])
+        follower, everything = None, self.settings.bounces == "all" and self.detail.level <= 0
+        if sites.transport is not None and sites.records.count and everything and not self._mixed:
+            follower = Follower(self._rays, sites, sites.records.read()["irradiance"], made, self._tick[0])
+        before, self.shown, self.follower = self.shown, sites, follower
+        self._making, self.still, self._moved = None, np.inf, False
         if before is not None and before is not sites:
             before.release()
+        self.complete = True  # last: after an interruption, the level is made again

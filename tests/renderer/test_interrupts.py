@@ -16,8 +16,8 @@ import pytest
 from irrsplat import Renderer
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.gathering import record_gatherer
+from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
-from irrsplat.surface_cache.transport import BouncedLight
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, room
 from tests.support.interrupts import run
@@ -122,17 +122,24 @@ def test_a_gather_that_fails_leaves_no_record_without_values(ctx: moderngl.Conte
 
 
 @pytest.mark.few_sites
-def test_an_interrupted_upload_of_the_surface_cache_is_made_again(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The bounces are summed by then: a solution that has ended must not stand for an unfinished one."""
-    show, calls = SurfaceSites.show, list[int]()
+@pytest.mark.parametrize(("owner", "name"), [(SurfaceSites, "show"), (SiteRays, "direct_light")])
+def test_an_interrupted_use_of_a_level_is_made_again(
+    owner: type, name: str, ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bounces are summed by then: a level whose values are not in use must not count as complete."""
+    original, calls = getattr(owner, name), list[Any]()
 
-    def interrupted(sites: SurfaceSites, light: BouncedLight) -> None:
-        calls.append(light.bounces)
-        if len(calls) == 1:
+    def interrupted(*args: Any) -> Any:
+        calls.append(args)
+        if len(calls) in (1, 3):  # of the coarse level, and of the full level
             raise KeyboardInterrupt
-        show(sites, light)
+        return original(*args)
 
-    monkeypatch.setattr(SurfaceSites, "show", interrupted)
+    monkeypatch.setattr(owner, name, interrupted)
     with Renderer(room(), SIZE, ctx=ctx, **{**FAST, "bounces": "all"}) as renderer:
-        assert renderer.render().stats["interrupted"]
-        assert renderer.render().stats["converged"]
+        for _ in range(2):
+            with pytest.raises(KeyboardInterrupt):
+                while not renderer.frame(seconds=100.0)[1].done:
+                    pass
+        assert any(renderer.frame(seconds=100.0)[1].done for _ in range(200))
+        assert not renderer.scheduler.gatherer.provisional
