@@ -217,7 +217,8 @@ class RecordScheduler(Owner):
         if scan:
             view, new, complete = self._scan(view, screen, shadows, budget)
         elif view.queue is None:
-            self._checked = min(self._checked, self.cache.count)
+            if self.cache.count < self._checked:  # requested records were not gathered: their places are checked again
+                self._checked = 0
             if view.check is None or changing:
                 view = self._select(replace(view, check=None), screen, side)
             if view.queue is None and not (view.checked or changing or coarse or side):
@@ -362,7 +363,8 @@ class RecordScheduler(Owner):
         gatherer = self.gatherer
         # records without a comparison after a change will all be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
-        records, checked = self.cache.state(gatherer.has_pending_changes), min(self._checked, self.cache.count)
+        records = self.cache.state(gatherer.has_pending_changes)
+        checked = self._checked if self.cache.count >= self._checked else 0
         return CacheState(records, bounces, settings, checked, self.adaptation.compared)
 
     def restore(self, state: CacheState) -> None:

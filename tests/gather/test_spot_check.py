@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 import irrsplat
+from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.scene.model import Camera
 from tests.support import worlds
 
@@ -16,7 +18,7 @@ CAMERA = Camera((0.0, 0.5, 1.0), (0.0, 0.0, 0.0), fov=24.0)
 SETTINGS: Any = {"bounces": 1, "gather": "trace", "gather_size": 64, "a": 1.0, "adapt": 0.0}
 
 
-def test_dark_places_are_found_in_renders_tiles_and_ticks() -> None:
+def test_dark_places_are_found_in_renders_tiles_and_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Between two black boards as high as their distance, the table has a quarter of the open sky's light.
 
     E midway between two endless boards of height h and distance d is π·L/√(1 + (2h/d)²).
@@ -31,6 +33,20 @@ def test_dark_places_are_found_in_renders_tiles_and_ticks() -> None:
         while not renderer.frame(CAMERA, seconds=0.02)[1].done:
             pass
         ticks = renderer.render().irradiance
+    gather, sizes = RecordGatherer.gather, list[int]()
+
+    def interrupted(*args: Any) -> int:
+        sizes.append(len(args[2]))
+        if len(sizes) == last:
+            raise KeyboardInterrupt
+        return gather(*args)
+
+    monkeypatch.setattr(RecordGatherer, "gather", interrupted)
+    last = 0
+    irrsplat.render(scene, SIZE, **SETTINGS)
+    last = 2 * len(sizes)  # the gather at the places that the check has found is the last one
+    with irrsplat.Renderer(scene, SIZE, **SETTINGS) as renderer:
+        assert renderer.render().stats["interrupted"] and renderer.render().stats["records"] == whole.stats["records"]
     p = whole.position
     between = (p[..., 1] == 0.0) & (np.abs(p[..., 2]) < 0.07) & (p[..., 0] > 0.006) & (p[..., 0] < 0.028)
     assert between.sum() > 5
