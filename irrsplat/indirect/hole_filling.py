@@ -11,6 +11,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
+from irrsplat.core.memo import Memo
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Workshop
@@ -22,7 +23,7 @@ CELLS = 20_000  # cells of a picture, about: a probe in each takes a fraction of
 _MOST = 1 << 15  # greatest number of probes: a flight's earlier ones go
 _STEPS = 1, 2, 4  # distances of the filter's samples in its steps, cells; without a surface cache, further steps light all others
 _HOLES = DrawState(depth="<", depth_write=False)  # draws at marked pixels alone
-_EVEN = 0.75487767, 0.56984029  # additive sequence of cells, of which any first ones are evenly spread (R2, Roberts 2018)
+_SPARSE = 16  # width of the square of cells that probes fill evenly, from sparse to dense
 
 
 class HoleProbes(Owner):
@@ -72,6 +73,7 @@ class HoleFilling(Owner):
         programs = (self.own(Program(ctx, name, "lib/fullscreen")) for name in names)
         self.filter, self.mark, self.fill, self.take_surface = programs
         self._targets = self.own(Workshop())
+        self._memo = Memo()
 
     def _target(self, name: str, components: tuple[int, ...], textures: Sequence[moderngl.Texture] | None = None) -> Target:
         """Return a target with a texel per cell."""
@@ -83,26 +85,35 @@ class HoleFilling(Owner):
         return self._target("cells", (4, 4, 4, 4, 2))
 
     def _draw_samples(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, light: HoleLight) -> None:
-        """Draw the cells with the samples of records, and add all probes."""
+        """Draw the cells with the samples of records, and add the probes that they lack."""
         probes, surface, coarse = light
-        self.draw_cells[bool(surface)](
-            self._cells,
-            **gbuffer.surface_uniforms,
-            **gbuffer.material_uniforms,
-            sums=splats.sums,
-            coarse=coarse,
-            side=self.side,
-            pixel_stride=splats.pixel_stride,
-            **surface,
+
+        def draw() -> list[int]:
+            self.draw_cells[bool(surface)](
+                self._cells,
+                **gbuffer.surface_uniforms,
+                **gbuffer.material_uniforms,
+                sums=splats.sums,
+                coarse=coarse,
+                side=self.side,
+                pixel_stride=splats.pixel_stride,
+                **surface,
+            )
+            return [0]
+
+        # without probes, the cells are drawn for one picture alone
+        drawn = self._memo.get(
+            "cells", object() if probes is None else (gbuffer, splats, probes.cache.revision, probes.light, coarse), draw
         )
         (width, height), (position, normal, rest, *_) = self.size, self._cells.textures
-        if probes is not None and probes.cache.count:
+        if probes is not None and probes.cache.count > drawn[0]:
             self.add_probes(
                 self._target("samples", (), self._cells.textures[3:]),
-                vertices=probes.cache.count,
+                vertices=probes.cache.count - drawn[0],
                 mode=moderngl.POINTS,
                 state=DrawState(blend="add"),
                 **self.add_probes.declared(probes.cache.records.uniforms),
+                first=drawn[0],
                 clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
                 cells=(width / self.side, height / self.side),
                 grid=self.grid,
@@ -111,13 +122,14 @@ class HoleFilling(Owner):
                 normal=normal,
                 rest=rest,
             )
+            drawn[0] = probes.cache.count
 
     def sites(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, light: HoleLight) -> Sites:
         """Return the sites of cells that have a hole and no probe, from sparse to dense."""
         self._draw_samples(gbuffer, splats, camera, light)
         position, normal, rest, samples = (self._cells.read(i)[::-1] for i in range(4))
         rows, columns = np.nonzero((rest[..., 2] > 0.0) & (samples[..., 3] < 1.0))
-        at = np.argsort((_EVEN[0] * columns + _EVEN[1] * rows) % 1.0, kind="stable")
+        at = np.argsort(_order()[rows % _SPARSE, columns % _SPARSE], kind="stable")
         chosen = rows[at], columns[at]
         geometric = octahedral_decode(normal[chosen][:, 3], rest[chosen][:, 0])
         there, triangle = position[chosen][:, :3], rest[chosen][:, 1].astype(np.intp)
@@ -180,3 +192,11 @@ class HoleFilling(Owner):
             pixel_stride=stride,
         )
         return target
+
+
+def _order() -> np.ndarray:
+    """Return (_SPARSE, _SPARSE) ranks of cells in a square, of which any first ones are evenly spread (Bayer 1973)."""
+    ranks = np.zeros((1, 1), np.intp)
+    while len(ranks) < _SPARSE:
+        ranks = np.block([[4 * ranks, 4 * ranks + 2], [4 * ranks + 3, 4 * ranks + 1]])
+    return ranks

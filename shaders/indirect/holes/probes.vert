@@ -2,6 +2,7 @@
 #include "generated/record_columns.glsl"
 #include "lib/table.glsl"
 
+uniform int first;  // number of the first probe
 uniform mat4 clip_from_world;
 uniform vec2 cells;  // width and height of the picture in cells, with fractions
 uniform ivec2 grid;  // columns and rows of cells
@@ -12,7 +13,7 @@ flat out vec4 v_light;     // irradiance in W/m², and R in metres
 
 void main()
 {
-    ivec2 texel = table_texel(gl_VertexID);
+    ivec2 texel = table_texel(first + gl_VertexID);
     v_position = record_position(texel);
     v_normal = record_normal(texel);
     v_light = vec4(record_irradiance(texel), record_radius(texel));
