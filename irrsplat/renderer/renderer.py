@@ -377,11 +377,9 @@ class Renderer(Tenant):
         Raises InputError for `figures`, or a `quality` among the settings, without `gather`: both need further records.
         """
         self._use()
-        try:
-            frame = whole_renders.render(self._frames, self._seen_by(camera), progress, figures, buffers, gather)
-        finally:
-            if self._owns_ctx:  # nobody else causes errors in it
-                context.check_errors(self.ctx)
+        frame = whole_renders.render(self._frames, self._seen_by(camera), progress, figures, buffers, gather)
+        if self._owns_ctx:  # nobody else causes errors in it
+            context.check_errors(self.ctx)
         return frame.placed(self._origin)
 
     def coverage(self, camera: Camera | str | None = None) -> float:
