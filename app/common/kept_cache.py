@@ -12,10 +12,10 @@ from irrsplat.core.errors import IrrsplatError
 
 
 def state_of(path: str | Path) -> tuple[int, int, int] | None:
-    """Return a value that changes with each write of a file; None without a file."""
+    """Return a value that changes with each write of a file; None for a file that is missing or out of reach."""
     try:
         found = os.stat(path)
-    except FileNotFoundError:
+    except OSError:
         return None
     return found.st_ino, found.st_size, found.st_mtime_ns
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from datetime import datetime
 from importlib.util import find_spec
 from math import dist
@@ -43,7 +43,7 @@ class Actions:
     loading: the options for reading scenes. native: True if the desktop's dialogs may open.
     """
 
-    _seen: list[tuple[int, int, int] | None]  # state_of the watched files
+    _seen: list[object]  # state_of the watched files
 
     def __init__(self, session: Session, source: str, preferences: Preferences, loading: LoadOptions, native: bool) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
@@ -255,10 +255,10 @@ class Actions:
         if then is not None:
             then()
 
-    def _watch(self, files: Iterable[str | Path]) -> None:
-        """Watch the files of the scene on show, which have its present state."""
+    def _watch(self, files: Iterable[str | Path], before: Mapping[str, object] | None = None) -> None:
+        """Watch the files of the scene on show. before: states by file, from before it was read; default: the present ones."""
         self._files, self.changed = tuple(files), False  # changed: True if another program has changed one of them
-        self._seen = [state_of(path) for path in self._files]
+        self._seen = [(before or {}).get(str(path), state_of(path)) for path in self._files]
 
     def _unless_unsaved(self, act: Callable[[], object]) -> None:
         """Write the flight that is recorded, and call `act`. If there are unsaved changes, open the prompt about them first.
@@ -353,7 +353,7 @@ class Actions:
         self.announce(f"opening {os.path.basename(source)}…", lambda: self._show_scene(source, camera))
 
     def _show_scene(self, source: str, camera: Camera | None) -> None:
-        former = self.session.notices
+        former, before = self.session.notices, {str(path): state_of(path) for path in (source, *self._files)}
         self.session.open(irrsplat.load(source, **vars(self.loading)), camera)
         trim()
         self.editor = Editor(self.session)
@@ -362,7 +362,7 @@ class Actions:
             self.say(notice)
         if source != self.saved_as:
             self.source, self.saved_as = source, ""
-        self._watch(self.session.scene.files)
+        self._watch(self.session.scene.files, before)
         self.messages.drop("file")
         self.preferences.opened(source)
 

@@ -192,7 +192,7 @@ def _position(source: ViewSource) -> Shown:
     low, high = source.renderer.scene.near_bounds
     form, digits = (".2f", ".3f") if any(source.origin) else (".3g", ".4g")  # far from the origin, %g has too few digits
     first, last = (" ".join(f"{v:{form}}" for v in end + source.origin) for end in (low, high))
-    text, unit = "x y z as red, green, blue within the scene's bounds", CHANNELS["position"].unit
+    text, unit = "x y z as red, green, blue within these bounds", CHANNELS["position"].unit
     ends = {"low": low, "high": np.where(high > low, high, low + 1.0)}
     uniforms = {"values": source.view.gbuffer.position, "origin": source.origin, **ends}
     return uniforms, Legend(text, first, last, unit, form=digits)
@@ -207,7 +207,8 @@ def _read_position(uniforms: Uniforms, x: int, y: int) -> np.ndarray:
 def _depth(source: ViewSource) -> Shown:
     """Return the shown form of the distance along the view axis, in metres. The scene's bounds give its ends."""
     scene, camera = source.renderer.scene, source.view.camera
-    along = (corners(scene.near_bounds) - np.asarray(camera.eye)) @ -camera.axes[2]
+    near, whole = ((corners(of) - camera.eye) @ -camera.axes[2] for of in (scene.near_bounds, scene.bounds))
+    along = near if near.max() > 0.1 * np.ptp(near) else whole  # a wide ground counts for a view away from all else
     low, high = max(float(along.min()), 0.0), float(along.max())
     high = high if high > low else low + scene.diagonal
     legend = Legend("distance along the view axis", f"{low:.3g}", f"{high:.3g}", CHANNELS["depth"].unit, colour_map())

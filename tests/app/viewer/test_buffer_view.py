@@ -73,7 +73,7 @@ def test_a_map_of_the_sky_is_in_the_image_and_in_the_emission_alone(ctx: moderng
 
 
 def test_positions_and_depths_run_through_the_scene_s_bounds(cornell: ShownView, target: Target) -> None:
-    """Colours of positions are linear within the scene's bounds; the scale of depth spans the corners of the bounds."""
+    """Colours of positions are linear within the bounds; the scale of depth spans the corners of the bounds."""
     (low, high), seen, camera = cornell.source.renderer.scene.bounds, cornell.seen, cornell.source.view.camera
     expected = (cornell.frame.position[seen] - low) / (high - low)
     assert np.abs(cornell.draw(target, "position")[seen] - expected).max() < 1e-3
