@@ -346,7 +346,8 @@ class Actions:
 
     def reload(self) -> None:
         """Open the file of the scene again at the present camera, once unsaved changes are saved or discarded."""
-        self._unless_unsaved(lambda: self._open(self.file, self.session.camera.shifted(self.session.origin)))
+        file = self.file  # saving may give the scene another file, without the changes of the present one
+        self._unless_unsaved(lambda: self._open(file, self.session.camera.shifted(self.session.origin)))
 
     def _open(self, source: str, camera: Camera | None = None) -> None:
         check_path(source)

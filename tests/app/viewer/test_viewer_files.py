@@ -68,6 +68,18 @@ def test_a_file_that_another_program_has_changed_is_opened_again_at_the_present_
     assert not driver.said and not driver.actions.changed
 
 
+def test_unsaved_changes_are_saved_elsewhere_before_the_changed_file_is_opened_again(driver: Driver, room: Path) -> None:
+    lights = len(driver.session.scene.lights)
+    driver.actions.editor.add_light()
+    room.write_text(ROOM + 2 * "light lamp.light\n")
+    push(driver, "F5")
+    for _ in ("save", "the suggested name"):
+        driver.frame(3)
+        driver.press("ENTER")
+    driver.frame(2)
+    assert len(driver.session.scene.lights) == lights + 2 and driver.actions.file == str(room)
+
+
 def test_nonsense_is_refused_and_nothing_changes(driver: Driver, tmp_path: Path) -> None:
     before, camera = driver.canvas(), driver.session.camera
     for name in ("a.scene", "a.xyz", "a.path", "a.glb", "missing.scene", "."):
