@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from importlib.util import find_spec
 from math import dist
@@ -43,7 +43,7 @@ class Actions:
     loading: the options for reading scenes. native: True if the desktop's dialogs may open.
     """
 
-    _seen: list[object]  # state_of the watched files
+    _seen: Sequence[object]  # state_of the watched files
 
     def __init__(self, session: Session, source: str, preferences: Preferences, loading: LoadOptions, native: bool) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
@@ -340,16 +340,15 @@ class Actions:
         else:
             self.find_command()
 
-    def open(self, source: str) -> None:
-        """Show the scene at `source`, once unsaved changes are saved or discarded."""
-        self._unless_unsaved(lambda: self._open(source))
+    def open(self, source: str, camera: Camera | None = None) -> None:
+        """Show the scene at `source`, from `camera` in world space, once unsaved changes are saved or discarded."""
+        self._unless_unsaved(lambda: self._open(source, camera))
 
     def reload(self) -> None:
-        """Open the file of the scene again at the present camera, once unsaved changes are saved or discarded."""
-        file = self.file  # saving may give the scene another file, without the changes of the present one
-        self._unless_unsaved(lambda: self._open(file, self.session.camera.shifted(self.session.origin)))
+        """Open the file of the scene again, at the present camera, once unsaved changes are saved elsewhere or discarded."""
+        self.open(self.file, self.session.camera.shifted(self.session.origin))
 
-    def _open(self, source: str, camera: Camera | None = None) -> None:
+    def _open(self, source: str, camera: Camera | None) -> None:
         check_path(source)
         self.announce(f"opening {os.path.basename(source)}…", lambda: self._show_scene(source, camera))
 
