@@ -163,10 +163,9 @@ class Actions:
 
     def collect(self) -> None:
         """Update all background work: dialog, film and reference. Measure the plane if it is shown. Notice a changed file."""
-        states = [state_of(path) for path in self._files]
-        other = [path for path, state, seen in zip(self._files, states, self._seen, strict=True) if state not in (None, seen)]
+        other = [path for path, seen in zip(self._files, self._seen, strict=True) if state_of(path) not in (None, seen)]
         if other:
-            self._seen, self.changed = states, True
+            self._seen, self.changed = [state_of(path) for path in self._files], True
             self.say(f"{os.path.basename(other[0])} has changed on disk; F5 opens the scene again", topic="file")
         self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
@@ -342,15 +341,16 @@ class Actions:
 
     def open(self, source: str, camera: Camera | None = None) -> None:
         """Show the scene at `source`, from `camera` in world space, once unsaved changes are saved or discarded."""
-        self._unless_unsaved(lambda: self._open(source, camera))
+        check_path(source)
+
+        def show() -> None:
+            self.announce(f"opening {os.path.basename(source)}…", lambda: self._show_scene(source, camera))
+
+        self._unless_unsaved(show)
 
     def reload(self) -> None:
         """Open the file of the scene again, at the present camera, once unsaved changes are saved elsewhere or discarded."""
         self.open(self.file, self.session.camera.shifted(self.session.origin))
-
-    def _open(self, source: str, camera: Camera | None) -> None:
-        check_path(source)
-        self.announce(f"opening {os.path.basename(source)}…", lambda: self._show_scene(source, camera))
 
     def _show_scene(self, source: str, camera: Camera | None) -> None:
         former, before = self.session.notices, {str(path): state_of(path) for path in (source, *self._files)}
