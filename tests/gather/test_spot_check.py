@@ -33,7 +33,7 @@ def test_dark_places_are_found_in_renders_tiles_and_ticks(monkeypatch: pytest.Mo
         while not renderer.frame(CAMERA, seconds=0.02)[1].done:
             pass
         ticks = renderer.render().irradiance
-    gather, sizes = RecordGatherer.gather, list[int]()
+    gather, sizes, last = RecordGatherer.gather, list[int](), 0
 
     def interrupted(*args: Any) -> int:
         sizes.append(len(args[2]))
@@ -42,7 +42,6 @@ def test_dark_places_are_found_in_renders_tiles_and_ticks(monkeypatch: pytest.Mo
         return gather(*args)
 
     monkeypatch.setattr(RecordGatherer, "gather", interrupted)
-    last = 0
     irrsplat.render(scene, SIZE, **SETTINGS)
     last = 2 * len(sizes)  # the gather at the places that the check has found is the last one
     with irrsplat.Renderer(scene, SIZE, **SETTINGS) as renderer:

@@ -123,9 +123,7 @@ def test_a_gather_that_fails_leaves_no_record_without_values(ctx: moderngl.Conte
 
 @pytest.mark.few_sites
 @pytest.mark.parametrize(("owner", "name"), [(SurfaceSites, "show"), (SiteRays, "direct_light")])
-def test_an_interrupted_use_of_a_level_is_made_again(
-    owner: type, name: str, ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_level_is_remade(owner: type, name: str, ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bounces are summed by then: a level whose values are not in use must not count as complete."""
     original, calls = getattr(owner, name), list[Any]()
 

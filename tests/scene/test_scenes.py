@@ -96,3 +96,10 @@ def test_the_generator_makes_what_is_committed(name, tmp_path):
         expected_words, expected = numbers(committed[file.name])
         assert words == expected_words
         np.testing.assert_allclose(values, expected, atol=1.01e-3 if file.suffix == ".obj" else 0)
+
+
+def test_detail_scales_the_triangles(tmp_path, monkeypatch):
+    """A quarter of the detail gives about a quarter of the triangles of curved objects."""
+    monkeypatch.setattr("sys.argv", ["generate.py", "curved", "--detail", "0.25", "-o", str(tmp_path)])
+    generate.main()
+    assert 0.2 < load(tmp_path / "curved.scene").triangles / load("curved").triangles < 0.35

@@ -85,10 +85,8 @@ def test_points_as_a_table_and_as_csv(lit: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_a_line_includes_both_ends(lit: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Points are evenly spaced and include both ends; the illuminance is I·h/d³, and the first column is the distance in m.
-
-    The block and the light have x from -2 to 2 m. A notice counts the dark points beyond, at 3 and 4 m.
-    """
+    """Points are evenly spaced and include both ends; the illuminance is I·h/d³, and the first column is the distance in m."""
+    # the block and the light have x from -2 to 2 m: points at 3 and 4 m are dark, and a notice counts them
     assert cli.main([*MEASURE, "--line", "1", "0", "0", "4", "0", "0", "--grid", "1", "--facing", "0", "-1", "0"]) == 0
     assert "notice: 2 of 4 points get no light, and lie outside of the scene: x -2 to 2, " in capsys.readouterr().err
     line = ["--line", "-1.5", "0", "-0.5", "1.5", "0", "-0.5", "--grid", "0.4", "--lux"]

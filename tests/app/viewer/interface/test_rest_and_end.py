@@ -74,12 +74,11 @@ def test_a_notice_stays_until_the_first_picture_and_five_seconds_more(driver: Dr
     driver.actions.say("wrong", error=True)
     for stops in range(5):
         driver.actions.say(f"exposure {stops}", topic="exposure")
-    clock.advance(30.0)
-    driver.frame()
-    assert driver.said == "wrong\nexposure 4"
-    clock.advance(6.0)
-    driver.frame()
-    assert driver.said == "wrong"
+    for seconds, left in ((30.0, "wrong\nexposure 4"), (4.5, "wrong\nexposure 4"), (0.6, "wrong")):
+        clock.advance(seconds)
+        driver.frame()
+        assert driver.said == left
+    assert driver.actions.messages.rests == float("inf")
 
 
 def test_signals_are_taken_while_it_lasts_and_no_longer() -> None:
