@@ -98,7 +98,7 @@ class SkyShares(Owner):
         before = np.pad(np.cumsum(ring, axis=-1, dtype=np.int16), ((0, 0), (0, 0), (1, 0)))
         middle, wide = widest + np.arange(n), self._reach[:, None]
         row = np.arange(len(wide))[:, None]
-        rows = before[:, row, middle + wide + 1] - before[:, row, middle - wide], np.broadcast_to(2 * wide + 1, (1, len(wide), n))
+        rows = before[:, row, middle + wide + 1] - before[:, row, middle - wide], 2 * wide[None] + 1
         padded = (np.pad(of, ((0, 0), (_NEAR, _NEAR), (0, 0))) for of in rows)
         sees, strata = (sum(of[:, k : k + len(wide)] for k in range(2 * _NEAR + 1)) for of in padded)
         return np.asarray((sees > free) & (sees - free < strata - 1))

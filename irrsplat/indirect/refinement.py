@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -35,8 +35,6 @@ from irrsplat.indirect.scheduler import Phase, RecordScheduler, ViewState
 from irrsplat.indirect.splat import ViewSplats
 from irrsplat.scene.model import Camera
 from irrsplat.settings import SETTINGS
-
-Result = TypeVar("Result")
 
 _STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
 _WORTH = 1.2  # times the error of the finest surface cache: an error that more records hardly reduce
@@ -140,7 +138,7 @@ class Refiner(Owner):
                 return
             if surface_error**2 > _BETWEEN * aim**2:
                 surface_error = yield from self._light(camera, surface_error, number, reach)
-            more = yield from self._in_background(partial(_finer_by, tests.uncertainty))
+            more = yield from in_background(partial(_finer_by, tests.uncertainty))
             levels, number = np.minimum(levels + more, _MOST).astype("f4"), 1 - number
             reach = self._buffers.get(f"reach {number}", self.size, lambda: float_texture(self.world.ctx, self.size, 1))
             # the share of the records' reach that counts
@@ -158,14 +156,6 @@ class Refiner(Owner):
         """Return the side of a gather after so many doublings of the settings' side."""
         least = self.scheduler.settings.gather_size
         return int(min(least * 2**doublings, SETTINGS["gather_size"].high or least))
-
-    def _in_background(self, work: Callable[[], Result]) -> Steps[Result]:
-        """Return the result of `work`, which takes long for a large view; pause until a thread has done it."""
-        running = in_background(work)
-        yield
-        while (done := self._budget.advance(running)) is None:
-            yield
-        return done
 
     def _regathered(self, numbers: np.ndarray, side: int) -> Steps[None]:
         """Gather the records of these numbers again along side² rays; pause after each part."""
@@ -220,7 +210,7 @@ class Refiner(Owner):
             return None
         seed, off = (self.scheduler.settings.seed, step), SMOOTH_OFF * self.world.scene.diagonal
         sums, weight = pixels(self.splats.sums), pixels(self.splats.weight)
-        tests = yield from self._in_background(partial(_drawn, seen, sums, weight, seed, off))
+        tests = yield from in_background(partial(_drawn, seen, sums, weight, seed, off))  # a large view takes long
         first, done = cache.count, 0
         sites = replace(tests.sites, screen=camera.measure_at(tests.sites.position, self.size))
         yield
