@@ -160,7 +160,7 @@ class Refiner(Owner):
     def _regathered(self, numbers: np.ndarray, side: int) -> Steps[None]:
         """Gather the records of these numbers again along side² rays; pause after each part."""
         while len(numbers):
-            numbers = numbers[self.scheduler.gatherer.regather(self._shadows, numbers, self._budget, side) :]
+            numbers = numbers[self.scheduler.gatherer.gather(numbers, self._shadows, self._budget, side) :]
             yield
 
     def _sums(self, number: int) -> ViewSplats:
@@ -215,7 +215,7 @@ class Refiner(Owner):
         sites = replace(tests.sites, screen=camera.measure_at(tests.sites.position, self.size))
         yield
         while done < len(sites):
-            done += self.scheduler.gatherer.gather(self._shadows, sites[done:], self._budget, self._side(doublings))
+            done += self.scheduler.gatherer.gather(sites[done:], self._shadows, self._budget, self._side(doublings))
             yield
         coarse = cache.values[first:, :3].astype(float)
         yield from self._regathered(first + tests.again, self._side(doublings + 1))

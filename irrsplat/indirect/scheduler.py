@@ -169,7 +169,7 @@ class RecordScheduler(Owner):
         """Gather stale records again in place. Return their number. Records with most pixels in `gbuffer` come first."""
         stale = self.cache.stale
         numbers = stale if gbuffer is None else self.refresh_order.order(self.cache, gbuffer, camera, self.settings)
-        return self.gatherer.regather(shadows, numbers, budget)
+        return self.gatherer.gather(numbers, shadows, budget)
 
     def limit_radii(self, view: ViewState, last: bool = False) -> tuple[ViewState, bool]:
         """Compare new records with all others, see AdaptiveRadius, and old ones as well if a view begins or, `last`, ends.
@@ -227,7 +227,7 @@ class RecordScheduler(Owner):
                     return view, 0, False
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
-            new = self.gatherer.gather(shadows, screen.requested(view.queue), budget, side, view.near)
+            new = self.gatherer.gather(screen.requested(view.queue), shadows, budget, side, view.near)
             complete = new == len(view.queue)
             view = replace(view, queue=None if complete else view.queue[new:])
         if not complete or not (new or coarse or not changing):
@@ -266,7 +266,9 @@ class RecordScheduler(Owner):
                 return replace(view, checked=True)
             check = SpotCheck(self._unchecked(screen.spots()))
         while True:
-            more = gatherer.probe_luminance(shadows, check.spots.sites[len(check.found) :], budget, SIDES[check.stage])
+            probes = gatherer.empty_probes()
+            gatherer.gather(check.spots.sites[len(check.found) :], shadows, budget, SIDES[check.stage], probes=probes)
+            more = probes.values[:, :3].astype(float) @ LUMINANCE
             check = replace(check, found=np.concatenate([check.found, more]))
             if len(check.found) < len(check.spots):
                 return replace(view, check=check)

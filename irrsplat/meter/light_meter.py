@@ -128,7 +128,7 @@ class LightMeter(Tenant):
     def _gathered(self, shadows: ShadowMaps, sites: Sites) -> tuple[np.ndarray, np.ndarray]:
         """Return (N, 3) W/m² without direct light at the sites, and (N,) harmonic mean distances of the hits, metres."""
         try:
-            self.gatherer.gather(shadows, sites, Budget(None))
+            self.gatherer.gather(sites, shadows, Budget(None))
             found = self.cache.read()
         finally:
             self.cache.truncate(0)

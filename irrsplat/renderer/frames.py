@@ -18,6 +18,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.memo import Memo
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import checked_by, never
+from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gpu.context import is_gone
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.time_budget import Budget
@@ -242,8 +243,8 @@ class Frames(Owner):
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 light = HoleLight(probes, gatherer.surface_uniforms, gatherer.provisional)
                 holes = filling.sites(gbuffer, splats, screen.camera, light)
-        holes = holes[gatherer.probe_holes(shadows, probes.cache, holes[:least], Budget(None)) :]
-        return replace(view, holes=holes[gatherer.probe_holes(shadows, probes.cache, holes, budget) :])
+        holes = holes[gatherer.gather(holes[:least], shadows, Budget(None), LEAST_SIDE, probes=probes.cache) :]
+        return replace(view, holes=holes[gatherer.gather(holes, shadows, budget, LEAST_SIDE, probes=probes.cache) :])
 
     def progress(self, view: ViewState, new: int = 0, complete: bool = True, renewed: int = 0) -> Progress:
         """Return the progress of a view by a round with so many `new` and `renewed` records. complete: True if no site waits."""

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, ShadowMaps, Sites, Uniforms
-from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.record_frame import FEW_RAYS
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.spot_check import SIDES
 from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -127,14 +126,6 @@ class RecordGatherer(Owner):
         """Return the pass that reduces hemisphere samples to records' values. gradients: M and ∇E as well."""
         return self._made.get(f"reduction {gradients}", (), lambda: ReducePass(self.ctx, gradients))
 
-    def _probed(self, gather: Gather, light: HitLight, sites: Sites, gradients: bool) -> RecordCache:
-        """Return records at `sites` outside the cache. The next call removes them."""
-        records = self._made.get("probes", (), lambda: RecordCache(self.ctx))
-        records.truncate(0)
-        numbers = records.append(sites) + np.arange(len(sites))
-        gather_records(gather, self._reduction(gradients), light, records, numbers, self.settings.seed)
-        return records
-
     @property
     def settings(self) -> Settings:
         """The settings by which records are gathered; without bounces, the last settings that had bounces."""
@@ -144,28 +135,6 @@ class RecordGatherer(Owner):
     def may_probe_holes(self) -> bool:
         """True if gathers trace rays that need no wait, the light at their hits is known, and pictures show probes."""
         return self._built and self.basis.kind != "plane" and self.settings.placement != "scan" and not self.awaits_light
-
-    def probe_luminance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
-        """Return (K,) float64 W/m², a rough luminance of E at the first K of the `sites` within the budget.
-
-        side: of the square of probe rays.
-        """
-        gather, light, found = self.gather_pass(side=side, probe=True), self.light(shadows), [np.zeros(0)]
-        for some in gather.batches(len(sites), budget):
-            with self.timers("examine"):
-                records = self._probed(gather, light, sites[some], gradients=False).records
-                found.append(records.read("irradiance")["irradiance"].astype(float) @ LUMINANCE)
-        return np.concatenate(found)
-
-    def probe_holes(self, shadows: ShadowMaps, probes: RecordCache, sites: Sites, budget: Budget) -> int:
-        """Add probes of few rays at the first of these `sites` within the budget. Return their number."""
-        gather, light, reduction = self.gather_pass(side=SIDES[0], probe=True), self.light(shadows), self._reduction(False)
-        done = 0
-        for some in gather.batches(len(sites), budget):
-            with probes.adding(sites[some]) as numbers:
-                gather_records(gather, reduction, light, probes, numbers, self.settings.seed, self.timers)
-            done = some.stop
-        return done
 
     @property
     def surface(self) -> SurfaceCache | None:
@@ -219,7 +188,7 @@ class RecordGatherer(Owner):
         if (other_bounces or (change and change.dimming is None)) and shadows is not None:
             adopt_probes(cache)
             unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
-            cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)  # the former light, a last time
+            cache.column("probe")[unknown] = self._probed(shadows, unknown, Budget(None))  # by the former light
         try:
             self.world.apply(change)
             self.gather_pass(new)
@@ -345,68 +314,69 @@ class RecordGatherer(Owner):
         changed too much as stale."""
         if not self.basis.moved:
             return
-        cache = self.cache
-        due = cache.column("due")
+        cache, due = self.cache, self.cache.column("due")
         (numbers,) = np.nonzero(due)
-        numbers, left = numbers[np.argsort(-due[numbers], kind="stable")], len(numbers)
-        for some in self.gather_pass(side=SIDE, probe=True).batches(len(numbers), budget):
-            chosen, left = numbers[some], len(numbers) - some.stop
-            cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass().radii))
-        if not left:
+        numbers = numbers[np.argsort(-due[numbers], kind="stable")]
+        found = self._probed(shadows, numbers, budget)
+        cache.invalidate(apply_probes(cache, numbers[: len(found)], found, self.gather_pass().radii))
+        if len(found) == len(numbers):
             self.basis = replace(self.basis, moved=False)
 
-    def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
-        """Return (N, 22) rough values of the records of these numbers, see columns_of."""
-        gather = self.gather_pass(side=SIDE, probe=True)
-        with self.timers("gather"):
-            found = self._probed(gather, light, self.cache.sites(numbers), self.settings.gradients)
-            return columns_of(found, np.arange(len(numbers)))
+    def _probed(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
+        """Return (K, 22) probes of the first K of the records of these numbers within the budget, see columns_of."""
+        probes = self.empty_probes()
+        done = self.gather(self.cache.sites(numbers), shadows, budget, SIDE, probes=probes, gradients=self.settings.gradients)
+        return columns_of(probes, np.arange(done))
 
     # ---- gathering -------------------------------------------------------------------------------------------------
 
-    def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0, near: bool = False) -> int:
-        """Add records at `sites` to the cache within the budget, and at least one. Return their number.
+    def empty_probes(self) -> RecordCache:
+        """Return an empty cache for rough values; the next call removes them."""
+        records = self._made.get("probes", (), lambda: RecordCache(self.ctx))
+        records.truncate(0)
+        return records
 
-        size: the side of their gather; 0: the settings' side. near: True if the records cover only near surfaces, so that few
-        rays may suffice.
+    def gather(
+        self,
+        at: Sites | np.ndarray,
+        shadows: ShadowMaps,
+        budget: Budget,
+        side: int = 0,
+        near: bool = False,
+        probes: RecordCache | None = None,
+        gradients: bool = False,
+    ) -> int:
+        """Gather records within the budget, and at least one. Return their number.
+
+        This is the only loop that divides a budget among records.
+
+        at: sites for new records, or the numbers of records to gather again in place; the first ones come first. side: of the
+        square of rays; 0: the settings' side. near: True if new records cover only near surfaces, so that few rays may suffice.
+        probes: another cache for rough values at the sites, with M and ∇E if `gradients`.
         """
-        done, size = 0, size or self._provisional_side
-        for some in self._pass_along(size).batches(len(sites), budget):
-            with self.cache.adding(sites[some]) as numbers:
-                self.cache.column("gather_size")[numbers] = self._gather(shadows, numbers, size, np.full(len(numbers), near))
+        cache, done, side = self.cache if probes is None else probes, 0, side or self._provisional_side
+        settings, few = self.settings, 0 if side else self._fewer
+        gather = self.gather_pass(side=side, probe=probes is not None or side == self._provisional_side > 0)
+        reduce = self._reduction(settings.gradients if probes is None else gradients)
+        gathered = partial(
+            gather_records, reduce=reduce, light=self.light(shadows), cache=cache, seed=settings.seed, timers=self.timers
+        )
+        for some in gather.batches(len(at), budget):
+            with cache.adding(at[some]) if isinstance(at, Sites) else nullcontext(at[some]) as numbers:
+                sizes, left, atlas = np.full(len(numbers), side), numbers, None
+                tried = near | (cache.column("gather_size")[numbers] == few) if few else np.False_
+                if tried.any():  # all rays follow where the noise is too great
+                    atlas = gathered(self.gather_pass(side=few), numbers=numbers[tried])
+                    sizes[tried & (cache.records.read("noise")["noise"][numbers] <= _RAY_NOISE)] = few
+                    left = numbers[sizes != few]
+                atlas = gathered(gather, numbers=left) or atlas
+                self.atlas = atlas if probes is None else self.atlas
+                if isinstance(at, Sites):
+                    cache.column("gather_size")[numbers] = sizes
+                else:
+                    cache.mark_refreshed(numbers, sizes)
             done = some.stop
         return done
-
-    def regather(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget, size: int = 0) -> int:
-        """Gather the records of these numbers again in place within the budget. Return their number.
-
-        size: see `gather`.
-        """
-        done, size = 0, size or self._provisional_side
-        for some in self._pass_along(size).batches(len(numbers), budget):
-            near = self.cache.column("gather_size")[numbers[some]] == self._fewer
-            self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
-            done = some.stop
-        return done
-
-    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, size: int, near: np.ndarray) -> np.ndarray:
-        """Gather the records of these numbers, at most a batch, in place. Return (N,) the side of each gather; 0: the settings'.
-
-        near: (N,) True for records that try a quarter of the rays first; all rays follow where the noise is too great.
-        """
-        sizes, few = np.full(len(numbers), size), 0 if size else self._fewer
-        reduction = self._reduction(self.settings.gradients)
-        light, seed = self.light(shadows), self.settings.seed
-        gathered = partial(gather_records, reduce=reduction, light=light, cache=self.cache, seed=seed, timers=self.timers)
-        if few and near.any():
-            (tried,) = np.nonzero(near)
-            self.atlas = gathered(self.gather_pass(side=few), numbers=numbers[tried])
-            even = self.cache.records.read("noise")["noise"][numbers[tried]] <= _RAY_NOISE
-            sizes[tried[even]] = few
-            numbers = numbers[sizes != few]
-        if len(numbers):
-            self.atlas = gathered(self._pass_along(size), numbers=numbers)
-        return sizes
 
     @property
     def provisional(self) -> bool:
@@ -418,10 +388,6 @@ class RecordGatherer(Owner):
     def _provisional_side(self) -> int:
         """The side of provisional records' gathers; 0: the settings' side."""
         return SIDE if self.provisional and self.settings.gather_size > SIDE else 0
-
-    def _pass_along(self, size: int) -> Gather:
-        """Return the pass that gathers records along size² rays; 0: the settings' side. Provisional records are probes, too."""
-        return self.gather_pass(side=size, probe=size > 0 and size == self._provisional_side)
 
     @property
     def _fewer(self) -> int:
