@@ -5,9 +5,8 @@ are too few for the target error, all records are gathered with four times as ma
 next step is complete, or until the surface cache has another level.
 
 Gathers at random pixels estimate the error of a picture, without a model of it. Importance sampling draws pixels of large
-estimated variance more often. Each test gathers along as many rays as the records around it. Some tests are gathered again along
-four times as many rays. The difference separates the noise of the tests, and shows if records need more rays. The next step uses
-the records of the tests, too.
+estimated variance more often. Each test gathers along as many rays as the records around it. The estimated noise of the tests is
+no error of the picture, and shows if records need more rays. The next step uses the records of the tests, too.
 """
 
 from __future__ import annotations
@@ -42,14 +41,12 @@ _BETWEEN = 0.3  # of the squared target error: the surface cache's share, above 
 LAST = 40  # steps
 _LEAVE = 0.8  # of the picture's error: pixels with less are not refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
-_RAYS = 2.0  # of the squared target error: the greatest ray noise of a record, since several contribute to a pixel
+_RAYS = 1.0  # of the squared target error: the greatest ray noise of a record
 _AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
 _TESTS = 384  # pixels under test for the error estimate
-_AGAIN = 4  # of so many of them one is gathered again, with four times as many rays
 _KEPT = 0.5  # weight of the sums of earlier steps
 _LEAST = 0.4  # of the squared difference of picture and tests: least squared error, since one test in a dark place may dominate
 _BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
-_GAIN = 6.0  # times less is a gather's own squared error where its side is doubled
 
 
 class Refiner(Owner):
@@ -109,7 +106,7 @@ class Refiner(Owner):
     def _refined(self, camera: Camera) -> Steps[None]:
         """Refine a view in steps; pause after each part: some pixels tested, some records gathered more finely, some new ones."""
         scheduler, cache, gatherer = self.scheduler, self.cache, self.scheduler.gatherer
-        levels, sums, doublings, number = np.zeros(self.size[::-1], "f4"), np.zeros(5), 0, 0
+        levels, sums, doublings, number = np.zeros(self.size[::-1], "f4"), np.zeros(3), 0, 0
         gatherer.restore_surface(self._shadows, self._budget)  # else tests would lack its light
         surface, known, reach = gatherer.surface_now, self._surface_error, None
         if surface is not None and known is not None and surface.refinements and surface.refinements == known[0]:
@@ -121,13 +118,11 @@ class Refiner(Owner):
             if tests is None:
                 return
             sums = _KEPT * sums + tests.sums
-            error = float(sums[0] / sums[1])  # squared, relative to the variance, as the two below
-            by_rays, ray_noise = (sums[2:4] / sums[4]).tolist()
-            off = math.hypot(math.sqrt(tests.mean_uncertainty * max(error - by_rays, _LEAST * error)), surface_error)
+            error, noise = (sums[:2] / sums[2]).tolist()  # squared, relative to the variance
+            off = math.hypot(math.sqrt(tests.mean_uncertainty * max(error - noise, _LEAST * error)), surface_error)
             aim = max(self._target * tests.mean, off / _AIM)
             finer = self._side(doublings + 1) > self._side(doublings)
-            if finer and tests.mean_uncertainty * ray_noise > _RAYS * aim**2:
-                sums[3], doublings = sums[3] / _GAIN, doublings + 1
+            doublings += finer and tests.mean_uncertainty * tests.sums[1] / tests.sums[2] > _RAYS * aim**2
             self.error = off / tests.mean if tests.mean > 0.0 else 0.0
             surface = gatherer.surface_now
             # the finest surface cache may be off by more than the target; then records need not be much better
@@ -202,7 +197,7 @@ class Refiner(Owner):
         return error
 
     def _test(self, camera: Camera, step: int, doublings: int) -> Steps[_Tests | None]:
-        """Gather at random pixels, as finely as the records of the picture, and some more finely. Return None without pixels."""
+        """Gather at random pixels, as finely as the records of the picture. Return None without pixels."""
         cache, seen = self.cache, read_back(self._gbuffer)
         assert self.splats is not None
         if not seen.mask.any():  # as for a view past the scene
@@ -217,9 +212,8 @@ class Refiner(Owner):
         while done < len(sites):
             done += self.scheduler.gatherer.gather(sites[done:], self._shadows, self._budget, self._side(doublings))
             yield
-        coarse = cache.values[first:, :3].astype(float)
-        yield from self._regathered(first + tests.again, self._side(doublings + 1))
-        return tests._replace(coarse=coarse, fine=cache.values[first + tests.again, :3])
+        gathered, noise = cache.values[first:, :3].astype(float), cache.records.read("noise")["noise"][first:]
+        return tests._replace(gathered=gathered, noise=noise[:, None] * gathered)
 
     def _fill(self, camera: Camera, number: int, reach: moderngl.Texture, side: int) -> Steps[bool]:
         """Make records where the next step lacks some, and show its picture. Return False at the limit of records."""
@@ -244,8 +238,8 @@ class _Tests(NamedTuple):
     """N pixels under test.
 
     shown: (N, 3) E of the picture, W/m². drawn_by: (N,) estimated variance by which each pixel was drawn. uncertainty: (H, W)
-    this variance at all pixels. mean_uncertainty, mean: means of variance and E over the pixels of the error. coarse: (N, 3) E
-    of the tests. fine: (K, 3) E of the repeated tests, with four times as many rays. Both are empty at first.
+    this variance at all pixels. mean_uncertainty, mean: means of variance and E over the pixels of the error. gathered, noise:
+    (N, 3) E of the tests and its estimated standard error, W/m²; empty at first.
     """
 
     sites: Sites
@@ -254,31 +248,15 @@ class _Tests(NamedTuple):
     uncertainty: np.ndarray
     mean_uncertainty: float
     mean: float
-    coarse: np.ndarray = np.zeros((0, 3))
-    fine: np.ndarray = np.zeros((0, 3))
-
-    @property
-    def again(self) -> np.ndarray:
-        """The indices (K,) of the tests that are gathered again."""
-        return np.arange(0, len(self.sites), _AGAIN)
+    gathered: np.ndarray = np.zeros((0, 3))
+    noise: np.ndarray = np.zeros((0, 3))
 
     @property
     def sums(self) -> np.ndarray:
-        """(5,) sums over the tests of squared differences, divided by the variance by which each pixel was drawn.
-
-        The differences between picture and tests, and the number of tests. For repeated tests: the decrease of the differences
-        along four times as many rays, the differences of both gathers, and the number of repeated tests.
-        """
-        again, drawn_by = self.again, self.drawn_by[self.again]
-        errors = _squares(self.shown, self.coarse) / self.drawn_by
-        decrease = errors[again] - _squares(self.shown[again], self.fine) / drawn_by
-        rays = _squares(self.coarse[again], self.fine) / drawn_by
-        return np.array([errors.sum(), len(errors), decrease.sum(), rays.sum(), len(again)])
-
-
-def _squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return (N,) the squared differences of (N, 3), mean over channels."""
-    return np.asarray(((values.astype(float) - others) ** 2).mean(1))
+        """(3,) sums over the tests: squared differences of picture and tests, and squared noise of the tests, both divided by the
+        variance by which each pixel was drawn; and the number of tests."""
+        squares = np.stack([self.shown - self.gathered, self.noise]) ** 2
+        return np.array([*(squares.mean(2) / self.drawn_by).sum(1), len(self.sites)])
 
 
 def _blur_of(height: int) -> float:

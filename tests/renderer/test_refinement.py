@@ -37,7 +37,7 @@ def renderer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Renderer]:
 
 def test_a_refined_view_comes_near_the_truth_and_tells_how_near(renderer: Renderer) -> None:
     first = renderer.render()
-    truth = fine_gather.gather(renderer.world, read_back(renderer.draw_gbuffer(renderer.scene.camera())), 256, count=40)
+    truth = fine_gather.gather(renderer.world, read_back(renderer.draw_gbuffer(renderer.scene.camera())), 256, count=200)
     before = truth.error(first.irradiance)
     renderer.change(renderer.settings.with_values({"quality": 0.4 * 100.0 * (before or 0.0)}))
     refined = renderer.render()
