@@ -96,12 +96,12 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.ply", PLY.replace("uchar red", "uchur red"), "this is no line of a PLY header: 'property uchur red'"),
         ("a.ply", PLY.replace("format ascii 1.0\n", ""), "no 'format' line"),
         ("a.ply", PLY.replace("float x", "float a"), "no vertices"),
+        ("a.obj", b"\0\0\0\1v\n" * 99, "this is binary data"),  # object code of a compiler
         ("a.ply", PLY.replace("ply", "plx"), "no PLY"),
         ("a.ply", PLY.replace("element vertex 4", "element vertex 99999999999"), "truncated"),
         ("a.ply", PLY.replace("element face 4", "element face 0"), "no faces"),
         ("a.ply", PLY.replace("0 0 0 0 0 0", "nan 0 0 0 0 0").replace("3 1 2 3", "3 0 2 3"), "a.ply: "),
         ("a.ply", PLY.replace("0 0 1 0 0 10", "0 0 1 0"), "truncated"),
-        ("a.ply", "", "the file is empty"),
         ("b.stl", ascii_stl().rpartition("endfacet")[0], "this is no STL file, or a truncated one"),
         ("a.stl", stl(POINTS[FACES] * np.nan), "a.stl: "),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle in this file has an area; nothing"),

@@ -113,7 +113,7 @@ def test_a_texture_transform_scales_turns_and_moves(file, mesh_with):
 def test_images_are_found_wherever_a_file_may_keep_them(file, mesh_with, tmp_path, way):
     index = file.texture(PIXELS)
     if way == "data":
-        file.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(encoded(PIXELS)).decode()}]
+        file.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(encoded(PIXELS) + b"\0").decode().rstrip("=")}]
     elif way == "file":
         (tmp_path / "my maps").mkdir()
         (tmp_path / "my maps" / "wood.png").write_bytes(encoded(PIXELS))

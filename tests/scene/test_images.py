@@ -74,7 +74,7 @@ def test_an_image_of_too_many_pixels_is_refused_by_its_header():
         ("a%20b/wood.png", "a%20b/wood.png"),
         ("Maps/Wood.PNG", "maps\\wood.png"),
         ("wood.png", "C:\\Users\\me\\Wood.png"),
-        ("wood.png", "textures/wood.png"),
+        ("maps/wood.png", "/home/me/maps/wood.png"),
         ("wood.png", "file:///nowhere/wood.png"),
         ("grün.png", "gru\u0308n.png"),
     ],

@@ -83,7 +83,7 @@ def test_values(mtl, lines, expected):
 
 def test_every_texture_has_its_place(mtl):
     images = {"red": RED, "green": RED[..., [1, 0, 2]], "blue": RED[..., [1, 2, 0]]}
-    scene = mtl("newmtl a\nmap_Kd red.png\nmap_Ke green.png\nmap_Kn blue.png\n", **images)
+    scene = mtl("newmtl a\nmap_Kd red.png # the first\nmap_Ke green.png\nmap_Kn blue.png\n", **images)
     found = material(scene)
     textures = found.albedo_texture, found.emission_texture, found.normal_texture
     assert [not_none(texture).image.pixels[0, 0, :3].tolist() for texture in textures] == np.diag([255] * 3).tolist()

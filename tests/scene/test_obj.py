@@ -219,12 +219,12 @@ def test_every_encoding_is_read(obj, tmp_path, encoding):
 
 
 @pytest.mark.parametrize(
-    "written", ["./my colours.MTL", "sub\\My Colours.mtl", "My%20Colours.mtl", "b.mtl My Colours.mtl", "gone"]
+    "written", ["./my colours.MTL", "sub\\My Colours.mtl", "My%20Colours.mtl", "b.mtl My Colours.mtl", "gone", ""]
 )
 def test_material_files_are_found_under_other_names(obj, tmp_path, written):
-    # the last is missing: the one named like the .obj is read instead
-    (tmp_path / ("a.mtl" if written == "gone" else "My Colours.mtl")).write_text("newmtl Red\nKd 1 0 0\n")
+    # the last two name no file that exists: the one named like the .obj is read instead; keywords may be in upper case
+    (tmp_path / ("a.mtl" if written in ("gone", "") else "My Colours.mtl")).write_text("newmtl Red\nKd 1 0 0\n")
     (tmp_path / "b.mtl").write_text("newmtl other\nKd 0 1 0\n")
-    scene = obj(f"mtllib {written}\n{SQUARE}usemtl red\nf 1 2 3\n")
+    scene = obj(f"MTLLIB {written}\n{SQUARE.upper()}UseMtl red\nF 1 2 \\ \n3\n")
     assert scene.meshes[0].material.albedo == (1, 0, 0)
     assert remarks(scene).count("\n") == 0 and ("'a.mtl' is read instead" in remarks(scene)) == (written == "gone")

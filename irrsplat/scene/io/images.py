@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 GREATEST_PIXELS = 16384**2
 # Pillow's formats for textures; others, such as PostScript, can execute code.
 _FORMATS = tuple("AVIF BMP DDS DIB GIF ICO JPEG JPEG2000 MPO PCX PNG PPM PSD SGI TGA TIFF WEBP".split())  # noqa: SIM905
+_MOST_ENDS = 5  # parts of a path of another machine
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
@@ -155,7 +156,7 @@ def find_file(folder: Path, written_name: str) -> Path | None:
     """Return the file that `written_name` in a scene's file in `folder` means; None where there is none.
 
     Candidates, in order: the name as written, with %20 and the like resolved, with slashes for backslashes, each also in other
-    case; then a file with its last part's name in `folder`, because paths are often those of another machine. Files outside the
+    case; then the ends of each path, longest first, because paths are often those of another machine. Files outside the
     allowed folders are not searched. If only such a file remains, its path is returned, and reading it raises InputError.
     """
     exact = os.path.join(folder, name_of(written_name))
@@ -164,7 +165,9 @@ def find_file(folder: Path, written_name: str) -> Path | None:
     if not take_search():
         return None
     spellings = [name_of(name) for name in _spellings(written_name)]
-    for name in dict.fromkeys([*spellings, *(re.split(r"[/\\]", name)[-1] for name in spellings)]):
+    parts = [re.split(r"[/\\]+", name)[-_MOST_ENDS:] for name in spellings]
+    ends = ["/".join(path[-count:]) for count in range(_MOST_ENDS, 0, -1) for path in parts if count <= len(path)]
+    for name in dict.fromkeys([*spellings, *ends]):
         found = _find_from(folder, name) if name else None
         if found is not None:
             return found

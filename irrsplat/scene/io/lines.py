@@ -38,7 +38,7 @@ def _without_zeros(path: Path, data: bytes, strict: bool) -> bytes:
     """Return the same text in UTF-8 or another encoding without zero bytes; raise InputError for binary data."""
     marked = data[:2] in (b"\xff\xfe", b"\xfe\xff")
     even, odd = data[0::2].count(0), data[1::2].count(0)
-    if marked or max(even, odd) > 0.4 * (len(data) // 2):
+    if marked or (max(even, odd) > 0.4 * (len(data) // 2) and min(even, odd) < 0.1 * max(even, odd)):
         if strict:
             raise InputError("the text is UTF-16; save it as UTF-8", path)
         encoding = "utf-16" if marked else "utf-16-be" if even > odd else "utf-16-le"

@@ -21,6 +21,7 @@ from irrsplat.core.words import GREATEST, spelled
 from irrsplat.scene.io.images import find_file
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
+_UPGRADE = "convert it, for example with gltf-pipeline"
 
 
 class Damaged(ValueError):
@@ -134,7 +135,8 @@ class Document:
         if uri[:5].lower() == "data:":
             head, _, body = uri.partition(",")
             try:
-                return (base64.b64decode(unquote(body)) if head.endswith("base64") else unquote_to_bytes(body)), "data"
+                # padding may be missing, as in browsers; surplus padding is ignored
+                return (base64.b64decode(unquote(body) + "==") if head.endswith("base64") else unquote_to_bytes(body)), "data"
             except ValueError:
                 raise Damaged("a data URI is damaged") from None
         name = printable(unquote(uri))
@@ -219,7 +221,7 @@ def read(path: Path) -> Document:
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, struct.error, RecursionError):
         raise InputError("this is no glTF 2.0 file, or a damaged one; export it again", path) from None
     if not version.startswith("2"):
-        raise InputError(f"this is glTF {printable(version)}; expected version 2.0", path)
+        raise InputError(f"this is glTF {printable(version)}; expected version 2.0; {_UPGRADE}", path)
     return Document(path, tree, chunk, size=len(data))
 
 
@@ -227,7 +229,7 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
     """Return the JSON and the binary chunk or None of a GLB; raise InputError for a truncated file and for no glTF 2.0."""
     _, version, length = struct.unpack_from("<4sII", data)
     if version != 2:
-        raise InputError(f"this is glTF {version}.0; expected version 2.0", path)
+        raise InputError(f"this is glTF {version}.0; expected version 2.0; {_UPGRADE}", path)
     if length > len(data):
         raise InputError(f"the file is truncated: {len(data)} of {length} bytes are there", path)
     chunks: dict[int, bytes] = {}

@@ -81,7 +81,8 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
             found |= reader.read(file, shape.names)
         except InputError as error:
             notices.append(f"{error}; its colours are 0.5")
-    beside = find_file(path.parent, f"{path.stem}.mtl") if missing and not found else None
+    nameless = not shape.libraries and any(shape.names)  # usemtl without mtllib
+    beside = find_file(path.parent, f"{path.stem}.mtl") if nameless or (missing and not found) else None
     if beside is not None:
         found |= reader.read(beside, shape.names)
     if missing:

@@ -190,7 +190,7 @@ class _State:
     """State lines between the faces, in file order. lines: (K,) their numbers. keys, rests: their keywords and other words."""
 
     def __init__(self, lines: np.ndarray, words: list[list[bytes]]) -> None:
-        self.lines, self.keys = lines, [word[0] for word in words]
+        self.lines, self.keys = lines, [word[0].lower() for word in words]
         self.rests = [word[1] if len(word) > 1 else b"" for word in words]
 
     def lines_of(self, keys: bytes) -> list[int]:

@@ -47,9 +47,9 @@ _CP1252 = [bytes([byte]).decode("cp1252", "ignore") or chr(byte) for byte in ran
 
 
 def find_lines(path: Path, data: bytes) -> Lines:
-    """Return the lines of `data`, the text of the file at `path`, with line ends ``\\n``."""
-    if b"\\\n" in data:
-        data = data.replace(b"\\\n", b" \v")
+    """Return the lines of `data`, the text of the file at `path`, with line ends ``\\n``; keywords may be in upper case."""
+    if b"\\" in data:
+        data = re.sub(rb"\\[ \t]*\n", b" \v", data)
     data += b"\n\n\n"  # allows access to three letters from any start
     code = np.frombuffer(data, np.uint8)
     end = np.flatnonzero(code == 10)
@@ -63,10 +63,11 @@ def find_lines(path: Path, data: bytes) -> Lines:
     start, end, first = start[kept], end[kept], first[kept]
     second, third = code[start + 1], code[start + 2]
     kind = np.full(len(start), OTHER, np.int8)
-    kind[(first == ord("v")) & (second <= 32)] = VERTEX
-    kind[(first == ord("v")) & (second == ord("n")) & (third <= 32)] = NORMAL
-    kind[(first == ord("v")) & (second == ord("t")) & (third <= 32)] = COORDINATE
-    kind[(first == ord("f")) & (second <= 32)] = FACE
+    of_vertices = first | 32 == ord("v")  # | 32: lower case
+    kind[of_vertices & (second <= 32)] = VERTEX
+    kind[of_vertices & (second | 32 == ord("n")) & (third <= 32)] = NORMAL
+    kind[of_vertices & (second | 32 == ord("t")) & (third <= 32)] = COORDINATE
+    kind[(first | 32 == ord("f")) & (second <= 32)] = FACE
     return Lines(path, data, start, end, kind)
 
 
