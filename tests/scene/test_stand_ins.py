@@ -98,6 +98,15 @@ def test_a_room_that_lacks_a_wall_is_seen_from_there() -> None:
     assert camera.eye[0] > 2.0 and abs(camera.eye[2]) < 0.3 and inside(scene, np.concatenate([w.positions for w in walls])).all()
 
 
+def test_many_rooms_without_a_ceiling_are_seen_from_above() -> None:
+    """The view is steeper than the line from a wall's top to the far edge of its floor."""
+    room = replace(ROOM, faces=ROOM.faces[(ROOM.positions[ROOM.faces][..., 1] < 2.5).any(1)])
+    rooms = [replace(room, positions=room.positions + np.array((4 * i, 0, 6 * k), "f4")) for i in range(3) for k in range(2)]
+    camera = finished(*rooms).camera()
+    right, above, front = np.subtract(camera.eye, camera.target)
+    assert above / np.hypot(right, front) > 2.5 / 4.0
+
+
 def test_an_object_on_a_vast_ground_fills_the_picture() -> None:
     """The camera is about as near as without the ground, and the object is near the middle."""
     ground, thing = floor(80.0), sphere((3, 1, -2), 1.0)

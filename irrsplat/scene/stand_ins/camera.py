@@ -12,6 +12,7 @@ from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, d
 
 _OUTSIDE, _INSIDE = 45.0, 65.0  # degrees: vertical fields of view
 _THREE_QUARTERS = np.array([0.48, 0.36, 0.8])  # right, up and front, unit: direction from an object to the camera
+_FROM_ABOVE = np.array([0.33, 0.77, 0.55])  # the same for rooms without ceilings, past the nearer walls
 _CLOSED_ROOM = 0.85  # least share of blocked directions in a closed room
 _OPEN_SIDE = 0.7  # the same at the open side of a room that lacks a wall
 _ANY_ROOM = 0.5  # the same anywhere in a room
@@ -21,6 +22,7 @@ _EYE, _STOREY = 1.6, (1.9, 60.0)  # metres: eye height for ceilings in this rang
 _EYE_SHARE = 0.45  # of the height of other rooms
 _LEAST_CLEARANCE = 0.15  # of the median distance around the eye: least distance to obstacles
 _PLACES, _STAGE_PLACES = 0.1, 0.6  # least share of tried points inside a closed room, and a room that may lack a wall
+_ROOFLESS = 0.15  # least share of tried points between walls without a ceiling, in a building without ceilings
 _GRID = 5  # tried points along each side of the floor
 _HEIGHTS = 0.35, 0.65  # of the bounding box: heights of the tried points
 _MOST_VERTICES = 200_000  # vertices that are examined
@@ -32,9 +34,13 @@ _SPLITS = 16  # at most; each halves the edges of a triangle that extends beyond
 
 @dataclass(frozen=True)
 class RoomPlaces:
-    """Points of a scene that may be inside a room. places: position (3,) and surroundings of each."""
+    """Points of a scene that may be inside a room.
+
+    places: position (3,) and surroundings of each. roofless: True for a building without ceilings.
+    """
 
     places: tuple[tuple[np.ndarray, Surroundings], ...]
+    roofless: bool = False
 
     @property
     def most_open(self) -> Surroundings:
@@ -62,24 +68,27 @@ def room_places(scene: Scene, points: SurfacePoints, axes: np.ndarray) -> RoomPl
     share = (np.arange(_GRID) + 0.5) / _GRID
     grid = np.stack(np.meshgrid(share, _HEIGHTS, share, indexing="ij"), -1).reshape(-1, 3)
     tried = [(at, surroundings(points, at, axes)) for at in (low + grid * size) @ axes]
-    found = RoomPlaces(
-        tuple(p for p in tried if p[1].closed >= _ANY_ROOM and p[1].fronts >= _LEAST_FRONTS and p[1].volume >= least)
-    )
-    return found if found.stage or len(found.rooms) >= _PLACES * len(tried) else RoomPlaces(())
+    in_front = [place for place in tried if place[1].fronts >= _LEAST_FRONTS]
+    roofless = sum(around.open_above for _, around in in_front) >= _ROOFLESS * len(tried)
+    found = RoomPlaces(tuple(p for p in in_front if p[1].closed >= _ANY_ROOM and p[1].volume >= least), roofless)
+    return found if found.stage or len(found.rooms) >= _PLACES * len(tried) else RoomPlaces((), roofless)
 
 
 def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, room_places: RoomPlaces) -> tuple[Camera, bool]:
     """Return a camera for the scene, and True if it is in a closed room.
 
     It is in a closed room at eye height, where it shows most surface; in front of the open side of a room that lacks a wall; or
-    in front of an object, from above to one side. points: on the surfaces. axes: (3, 3) rows right, up and front of the world.
+    in front of an object, from above to one side, and steeply from above if ceilings are missing. points: on the surfaces.
+    axes: (3, 3) rows right, up and front of the world.
     """
     if room_places.stage and room_places.most_open.closed < _OPEN_SIDE:
         way = _way_out(room_places.most_open, axes)
         if way is not None:
             return _camera_in_front(scene, axes, way), False
     camera = _camera_in_room(points, axes, room_places.rooms) if room_places.rooms else None
-    return (camera, True) if camera is not None else (_camera_in_front(scene, axes, _THREE_QUARTERS), False)
+    if camera is not None:
+        return camera, True
+    return _camera_in_front(scene, axes, _FROM_ABOVE if room_places.roofless else _THREE_QUARTERS), False
 
 
 def enclosure_of_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, room_places: RoomPlaces) -> Surroundings | None:

@@ -12,6 +12,7 @@ from irrsplat.scene.model import Scene
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
 _RINGS, _SECTORS = 16, 32  # of the sphere, of equal solid angle
 _GAP_SPACINGS = 6.4  # spacings of the points: nearer surfaces have gaps between their points
+_WALLS = 0.85  # least share of blocked level directions between walls
 _HIDDEN = 1.25  # times the nearest distance in a direction: farther points are hidden
 _PICTURE_RISE, _PICTURE_SECTORS = 0.5, 4  # extent of a level picture: sine of the elevation, sectors to each side
 
@@ -49,6 +50,13 @@ class Surroundings:
         """The share of front-facing surfaces among blocked directions."""
         hit = np.isfinite(self.distance)
         return float(self.facing[hit].mean()) if hit.any() else 0.0
+
+    @property
+    def open_above(self) -> bool:
+        """True if walls surround the point, and most directions steeply above it are free."""
+        blocked = np.isfinite(self.distance).mean(axis=1)
+        level, above = slice(_RINGS * 3 // 8, _RINGS * 5 // 8), slice(_RINGS * 7 // 8, None)
+        return bool(blocked[level].mean() >= _WALLS and blocked[above].mean() <= 0.5)
 
     @property
     def volume(self) -> float:
