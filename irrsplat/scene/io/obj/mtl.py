@@ -177,7 +177,9 @@ class MaterialFiles:
     def _read_images(self, folder: Path, entries: Iterable[_Entry]) -> dict[str, Image | str]:
         """Return the images of these materials by written name, decoded in parallel; the reason for a missing one."""
         names = dict.fromkeys(one.file for entry in entries for one in entry.maps.values())
-        files = {name: find_file(folder, name) or find_file(folder, name_without_comment(name)) for name in names}
+        files = {name: find_file(folder, name) for name in names}
+        for name in [name for name, file in files.items() if file is None and name_without_comment(name) != name]:
+            files[name] = find_file(folder, name_without_comment(name))
         encoded: dict[Path, tuple[bytes, str]] = {}
         for file in files.values():
             if file is not None and file not in self._images and file not in encoded:
