@@ -15,6 +15,7 @@ from typing import Literal
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import spelled
 
+_LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # stands for a large file in a clone without Git LFS
 _PACKAGE = Path(__file__).resolve().parent.parent  # irrsplat/
 
 # Size limits of files, in bytes; docs/scene-format.md states them.
@@ -124,6 +125,8 @@ def read_bytes(path: Path, most: int = MOST_TEXT) -> bytes:
         raise InputError(_too_large(most), path)
     if not data.strip():
         raise InputError("the file is empty", path)
+    if data.startswith(_LFS_POINTER):
+        raise InputError("this is a pointer of Git LFS to the file; run 'git lfs pull' in its folder", path)
     return data
 
 

@@ -109,6 +109,7 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle in this file has an area; nothing"),
         ("a.gltf", solid(POINTS * FLAT[1]).inline(), "no triangle in this file has an area; nothing"),
         ("a.glb", solid().packed().replace(b"glTF\2", b"glTF\1"), "this is glTF 1.0; expected version 2.0"),
+        ("a.glb", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n", "run 'git lfs pull'"),
         ("a.gltf", {"asset": {"version": "2.0"}}, "there are no meshes in this file; nothing"),
         ("a.gltf", {**TREE, "scene": 0, "scenes": [{}]}, "none of the 1 meshes in this file is in its scene; nothing"),
         ("a.gltf", solid(scale=[1, 0, 0]).inline(), "its scale is 0"),
