@@ -104,7 +104,7 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.ply", PLY.replace("0 0 1 0 0 10", "0 0 1 0"), "truncated"),
         ("b.stl", ascii_stl().rpartition("endfacet")[0], "this is no STL file, or a truncated one"),
         ("a.stl", stl(POINTS[FACES] * np.nan), "a.stl: "),
-        *(("a.obj", text, "OBJ|no faces") for text in ("hello\nworld\n", "f 1 2 3\n", "v\nf\n\0\n", "l 1 2\n")),
+        *(("a.obj", text, "OBJ|no faces") for text in ("hello\nworld\n", "v 0 0 0\n", "f 1 2 3\n", "v\nf\n\0\n", "l 1 2\n")),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2\nf 7 8 9\n", "no faces"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle in this file has an area; nothing"),
         ("a.gltf", solid(POINTS * FLAT[1]).inline(), "no triangle in this file has an area; nothing"),
