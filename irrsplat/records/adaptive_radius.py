@@ -24,8 +24,9 @@ from irrsplat.settings import Settings
 _FEW = 1 / 8  # share of new records below which a splat of all records costs more than old limits gain
 _SETTINGS = ("a", "adapt", "gradients", "weights")  # settings that limits depend on
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
-_STRIP = 32768  # records per strip at most: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
-_WIDTH = 12  # of a strip, in spacings of the records, about: narrower strips need more draws, wider ones more comparisons
+# records per strip at most: smaller strips need more draws, larger ones more comparisons; Mesa's software renderer silently ends
+# the loops of a fragment after 65535 iterations
+_STRIP = 1024
 
 
 class AdaptiveRadius(Owner):
@@ -115,13 +116,11 @@ class AdaptiveRadius(Owner):
         found = self._made.get("found", size, lambda: Target(self.ctx, size, (1,)))
         targets = self._made.get("targets", size, lambda: float_texture(self.ctx, size, 1))
         others = self._made.get("others", size, lambda: float_texture(self.ctx, size))
-        extents = np.ptp(places, axis=0)
-        axes = along, across = extents.argsort()[:0:-1].tolist()
-        share = float(extents[across]) / max(float(extents[along]), 1e-30)
-        order = np.concatenate(_strips(places[which], axes, share))  # near records share a block
+        axes = _, across = np.ptp(places, axis=0).argsort()[:0:-1].tolist()
+        order = np.concatenate(_strips(places[which], axes))  # near records share a block
         texel_table.write(targets, 0, (order + which.indices(cache.count)[0])[:, None])
         begin = 0
-        for numbers in _strips(places[low:], axes, share):
+        for numbers in _strips(places[low:], axes):
             strip = low + numbers
             texel_table.write(others, begin, np.column_stack([places[strip], strip]))
             self.programs[settings.gradients](
@@ -145,12 +144,8 @@ class AdaptiveRadius(Owner):
         return limits
 
 
-def _strips(places: np.ndarray, axes: tuple[int, int], share: float) -> list[np.ndarray]:
-    """Return the numbers of places (N, 3) in strips along the first of the `axes` and across the second one, each in its order.
-
-    share: the extent of all places along the second axis, as a share of that along the first one.
-    """
+def _strips(places: np.ndarray, axes: tuple[int, int]) -> list[np.ndarray]:
+    """Return the numbers of places (N, 3) in strips along the first of the `axes` and across the second, each in its order."""
     along, across = axes
-    count = max(int(np.sqrt(len(places) * share) / _WIDTH), -(-len(places) // _STRIP))
-    strips = np.array_split(np.argsort(places[:, across], kind="stable"), count)
+    strips = np.array_split(np.argsort(places[:, across], kind="stable"), max(-(-len(places) // _STRIP), 1))
     return [strip[np.argsort(places[strip, along], kind="stable")] for strip in strips]

@@ -132,8 +132,8 @@ def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str, monke
     assert np.isclose(found[:1300], expected, rtol=1e-3).mean() > 0.99
     for parts in ((1,), (3, 1024, 1025)) if name == "default" else ():  # numbers of records after each part
         assert np.array_equal(made.limits(settings, *parts), found), f"in parts {parts} as at once"
-    monkeypatch.setattr(adaptive_radius, "_WIDTH", 1.0)
-    assert np.array_equal(made.limits(settings), found), "in narrow strips as in wide ones"
+    monkeypatch.setattr(adaptive_radius, "_STRIP", 100)
+    assert np.array_equal(made.limits(settings), found), "in many strips as in a few"
 
 
 def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Made:
@@ -188,7 +188,7 @@ def test_few_records_are_compared_in_halls_and_in_corridors(length: float, reach
     """Records in a hall of 1 x 1, and in corridors: less than twice as many are compared as lie within the reach of a record."""
     chance, count = np.random.default_rng(0), 20_000
     places = chance.random((count, 3)).astype("f4") * np.array([1.0, 0.0, length], "f4")
-    strips, asking = _strips(places, (2, 0), 1.0 / length), places[:200]
+    strips, asking = _strips(places, (2, 0)), places[:200]
     assert np.array_equal(np.sort(np.concatenate(strips)), np.arange(count))
     compared = 0
     for strip in strips:
