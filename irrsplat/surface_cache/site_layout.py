@@ -39,7 +39,6 @@ _CLOSE = 1 / 16  # of that width: closer members of a coarse level are one membe
 _PLACES = 31  # greatest number of eyes, and of lights and emitters, with fine cells around them
 _FREE = 100.0  # heights of a record's eye: least extent of the surroundings of a camera that is not in a wall
 _STEEP_PLACES = 512  # greatest number of lights and parts of emitters with fine cells around them
-_PANEL = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 SEGMENTS = 16 * TABLE_COLUMNS  # of one batch of lines of sight, at most
 _BEFORE = 0.9  # of the visible shares of two edges: the place that is tested for a recess
@@ -323,7 +322,7 @@ def _steep_places(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spac
     """Return (K, 4) places where light is steep: of lights and of parts of emitters, and sizes in metres, 0 for a point light.
 
     emissive: (F, 3) the triangles of emitters. Each voxel with emitters is one part. Light is steep near the rim of a panel, too,
-    so that the size of a part is limited.
+    so that the size of a part is at most half of a voxel.
     """
     lights = [[*light.position, 0.0] for light in scene.lights if not light.directional]
     cells, width = tessellate(vertices, emissive, spacing, 0.0, graded=graded), VOXEL * spacing
@@ -331,7 +330,7 @@ def _steep_places(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spac
     weights = np.maximum(cells.area, 1e-30)
     area = np.bincount(voxel.ravel(), weights)
     at = [np.bincount(voxel.ravel(), weights * x) / area for x in cells.position.T]
-    size = np.minimum(area / width, _PANEL * spacing)  # the width of a strip, or less
+    size = np.minimum(area / width, 0.5 * width)  # the width of a strip, or less
     found = np.concatenate([np.reshape(lights, (-1, 4)), np.stack([*at, size], axis=1)])
     return found[:: -(-len(found) // _STEEP_PLACES) or 1]
 
