@@ -19,10 +19,9 @@ from irrsplat.scene.emitters import mean_emission
 from irrsplat.surface_cache.clustering import voxel_keys
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.surface_sites import SurfaceSites
-from irrsplat.surface_cache.transport import BouncedLight
+from irrsplat.surface_cache.transport import CONVERGED, BouncedLight
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
-_SMALL = 0.02  # of E: a step that changes more is followed by another one in the same frame
 _HIDDEN = 0.5  # of a site's reflected light: a moved emitter that reflects so much of it hides the site from the room
 _AROUND = 6.0  # widths of clusters: size of the cubes whose sites have common means
 _FROM_BLACK = 4.0  # growth of reflected light, beyond which the residual is of light from other surfaces
@@ -104,14 +103,14 @@ class Follower:
             self._kept[gathered] = 1.0
         beyond = self._beyond * np.where(emits(self._rays.world.scene), 1.0, self._kept).astype(np.float32)
         hidden, stale = self._hidden, np.flatnonzero(self._sites.records.column("due"))
-        least, change = _SMALL * E.mean(), np.inf
+        least, change = CONVERGED * E.mean(), np.inf
         while change > least:
             before, light = E, D + E
             E = beyond + self._transport(light)
             if hidden is not None:  # only stale rows of F have rays from afar to hidden sites
                 E[stale] = beyond[stale] + self._transport(np.where(hidden, 0.0, light), stale)
             E = np.maximum(E, 0.0)
-            least, change = max(least, _SMALL * E.mean()), np.abs(E - before).mean()
+            least, change = max(least, CONVERGED * E.mean()), np.abs(E - before).mean()
         return E
 
     @property

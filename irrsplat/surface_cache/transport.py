@@ -9,7 +9,7 @@ import numpy as np
 from irrsplat.core.timing.background import Steps
 from irrsplat.settings import Settings
 
-CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
+CONVERGED = 0.01  # of E: share that may be missing where the sum of bounces ends; change by the last step of moving light
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
 _DECAYS = 0.999  # greatest ratio of successive bounces for an estimate of the rest
 
