@@ -36,15 +36,12 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import SETTINGS
 
 _STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
-_WORTH = 1.2  # times the error of the finest surface cache: an error that more records hardly reduce
 _BETWEEN = 0.3  # of the squared target error: the surface cache's share, above which it is refined further
 LAST = 40  # steps
 _LEAVE = 0.8  # of the picture's error: pixels with less are not refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
-_RAYS = 1.0  # of the squared target error: the greatest ray noise of a record
 _AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
 _TESTS = 384  # pixels under test for the error estimate
-_KEPT = 0.5  # weight of the sums of earlier steps
 _LEAST = 0.4  # of the squared difference of picture and tests: least squared error, since one test in a dark place may dominate
 _BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
 
@@ -106,7 +103,7 @@ class Refiner(Owner):
     def _refined(self, camera: Camera) -> Steps[None]:
         """Refine a view in steps; pause after each part: some pixels tested, some records gathered more finely, some new ones."""
         scheduler, cache, gatherer = self.scheduler, self.cache, self.scheduler.gatherer
-        levels, sums, doublings, number = np.zeros(self.size[::-1], "f4"), np.zeros(3), 0, 0
+        levels, doublings, number = np.zeros(self.size[::-1], "f4"), 0, 0
         gatherer.restore_surface(self._shadows, self._budget)  # else tests would lack its light
         surface, known, reach = gatherer.surface_now, self._surface_error, None
         if surface is not None and known is not None and surface.refinements and surface.refinements == known[0]:
@@ -117,16 +114,16 @@ class Refiner(Owner):
             tests = yield from self._test(camera, step, doublings)
             if tests is None:
                 return
-            sums = _KEPT * sums + tests.sums
-            error, noise = (sums[:2] / sums[2]).tolist()  # squared, relative to the variance
-            off = math.hypot(math.sqrt(tests.mean_uncertainty * max(error - noise, _LEAST * error)), surface_error)
+            error, noise = tests.squares
+            of_records = math.sqrt(max(error - noise, _LEAST * error))
+            off = math.hypot(of_records, surface_error)
             aim = max(self._target * tests.mean, off / _AIM)
             finer = self._side(doublings + 1) > self._side(doublings)
-            doublings += finer and tests.mean_uncertainty * tests.sums[1] / tests.sums[2] > _RAYS * aim**2
+            doublings += finer and noise > aim**2
             self.error = off / tests.mean if tests.mean > 0.0 else 0.0
             surface = gatherer.surface_now
-            # the finest surface cache may be off by more than the target; then records need not be much better
-            if surface is not None and not surface.may_refine and off < _WORTH * surface_error:
+            # the finest surface cache may be off by more than the target; then records need not be better
+            if surface is not None and not surface.may_refine and of_records < surface_error:
                 return
             yield
             if step == LAST:
@@ -252,11 +249,11 @@ class _Tests(NamedTuple):
     noise: np.ndarray = np.zeros((0, 3))
 
     @property
-    def sums(self) -> np.ndarray:
-        """(3,) sums over the tests: squared differences of picture and tests, and squared noise of the tests, both divided by the
-        variance by which each pixel was drawn; and the number of tests."""
+    def squares(self) -> tuple[float, float]:
+        """The mean squared difference of picture and tests, and the mean squared noise of the tests, both (W/m²)²."""
         squares = np.stack([self.shown - self.gathered, self.noise]) ** 2
-        return np.array([*(squares.mean(2) / self.drawn_by).sum(1), len(self.sites)])
+        error, noise = self.mean_uncertainty * (squares.mean(2) / self.drawn_by).mean(1)
+        return float(error), float(noise)
 
 
 def _blur_of(height: int) -> float:
