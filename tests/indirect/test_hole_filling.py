@@ -8,13 +8,14 @@ import moderngl
 import numpy as np
 import pytest
 
-import irrsplat
-from irrsplat import Renderer
+from irrsplat import Renderer, load
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
+from irrsplat.core.timing.clock import use_clock
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.indirect.hole_filling import HoleFilling, HoleLight, HoleProbes
 from irrsplat.scene.model import Camera
 from tests.renderer.test_renderer import FAST, FRONT, room
+from tests.support.counted_clock import RayClock
 from tests.support.worlds import gbuffer_of, on_plane
 
 SIZE = (64, 48)
@@ -161,9 +162,8 @@ def test_records_change_the_light_of_the_surface_cache_near_them_alone(ctx: mode
 
 def test_the_black_outside_of_a_lit_box_stays_black_while_it_comes_into_view(ctx: moderngl.Context) -> None:
     """No light reaches the outside of the left wall (x = 0), and automatic exposure meters lit surfaces alone."""
-    scene = irrsplat.load("cornell")
-    with Renderer(scene, (96, 64), ctx=ctx, gather_size=8) as renderer:
-        renderer.converge(scene.cameras[0])
+    with use_clock(RayClock(1e8)), Renderer(load("cornell"), (96, 64), ctx=ctx, gather_size=8) as renderer:  # 10 000 rays a tick
+        renderer.converge(renderer.scene.cameras[0])
         outside, stops = list[float](), list[float]()
         for share in np.linspace(0.0, 1.0, 12):
             camera = Camera((0.4 - 1.8 * float(share), 3.1, -6.3 + 1.1 * float(share)), (2.78, 2.4, 2.0), fov=39.3)
