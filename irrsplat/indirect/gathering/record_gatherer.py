@@ -34,8 +34,7 @@ _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
-_PROBE_SHARE = 0.35  # of a tick: share for probes after a change, in any case
-_BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
+_SHARE = 0.35  # of a tick, for probes after a change, and for the surface cache while records are gathered by its last values
 
 
 @dataclass(frozen=True)
@@ -265,7 +264,7 @@ class RecordGatherer(Owner):
             self.world.prebuild(self._needs_tree)
         ready = self._advance(shadows, budget, idle)
         if ready:
-            self._probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
+            self._probe_changed(shadows, budget.part(0.5, 0.0, _SHARE))
         return ready
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
@@ -286,7 +285,7 @@ class RecordGatherer(Owner):
         follows = budget.limited and not first and not surface.level.complete and len(sites) and sites.triangle is not None
         before, follower = surface.at(sites) if follows else None, surface.in_use.follower
         followed = follower is not None and not follower.is_rough
-        part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
+        part = budget if idle or not surface.current else budget.part(_SHARE, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         # the full level, with virtual lights, waits while coarse values are of the present light
         waits = budget.limited and coarse and surface.in_use.complete and (self._without_tree or first_records)
