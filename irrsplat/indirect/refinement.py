@@ -43,6 +43,7 @@ _MOST = 6.0  # levels: at each √½ as much of the reach counts
 _AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
 _TESTS = 384  # pixels under test for the error estimate
 _LEAST = 0.4  # of the squared difference of picture and tests: least squared error, since one test in a dark place may dominate
+_TYPICAL = 0.25  # of E, divided by the side of a gather: its noise in the bundled scenes, about
 _BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
 
 
@@ -210,6 +211,8 @@ class Refiner(Owner):
             done += self.scheduler.gatherer.gather(sites[done:], self._shadows, self._budget, self._side(doublings))
             yield
         gathered, noise = cache.values[first:, :3].astype(float), cache.records.read("noise")["noise"][first:]
+        if not self.scheduler.settings.gradients:  # records without derivatives do not estimate their noise
+            noise = np.full(len(sites), _TYPICAL / self._side(doublings))
         return tests._replace(gathered=gathered, noise=noise[:, None] * gathered)
 
     def _fill(self, camera: Camera, number: int, reach: moderngl.Texture, side: int) -> Steps[bool]:
