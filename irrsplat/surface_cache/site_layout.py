@@ -25,7 +25,7 @@ from irrsplat.scene.seen_by_light import CLOSED, face_counts, sort_of
 from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.clustering import Clusters
-from irrsplat.surface_cache.tessellation import SMALL, Graded, Grading, tessellate
+from irrsplat.surface_cache.tessellation import Graded, Grading, tessellate
 
 POINTS = 4000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
 _STEPS = 9.0  # least number of steps along the extent of the surroundings of an eye
@@ -33,6 +33,7 @@ _ROUNDS = 4  # rounds of clustering; members that do not see their cluster's sit
 _ALTERNATIVES = 10  # near sites that are tried for a member without a site of its own
 # of `most`: sites of the first round, about and at most; members that see none get the remaining
 _FIRST_SHARE = 0.6, 0.7
+_MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _CLOSE = 1 / 16  # of that width: closer members of a coarse level are one member
 _PLACES = 31  # greatest number of eyes, and of lights and emitters, with fine cells around them
@@ -166,7 +167,7 @@ class SiteChooser:
         emits = np.array([any(one.material.emission) for one in meshes], bool)[mesh[: len(faces)]]
         lights = _steep_places(self.scene, vertices, faces[emits], spacing, graded[emits])
         tessellation = tessellate(vertices, faces, spacing, self.offset, lights, ~emits, graded)
-        points, which = clustering.merged(tessellation, mesh, SMALL * spacing)
+        points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         members, member = clustering.both_sides(tessellation, points), np.stack([which, len(points) + which])
         area = np.bincount(member.ravel(), weights=np.tile(tessellation.area, 2), minlength=len(members))
         columns = tessellation.level, mesh[tessellation.face], np.log2(tessellation.wider).astype(np.intp)

@@ -16,7 +16,7 @@ from irrsplat.core.vectors import squares_from_boxes, triangle_areas, triangle_n
 from irrsplat.core.vertex_layout import vertex_column
 
 _MAX_CELLS = 1 << 17  # beyond one for every triangle
-SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point, and points of such triangles merge within it
+_SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point for all of its corners
 _SLIVER = 16  # least number of strips of a sliver, each as wide as the spacing or the sliver's shortest edge, the longer one
 _FINEST = 4  # greatest number of times that steps close to lights are halved
 _ROOMS = 3.0  # of the size of surroundings: distance up to which area counts in full; beyond, steps grow by its square
@@ -147,7 +147,7 @@ def tessellate(
     sliver, wide = strips >= _SLIVER, longest > 1.001 * strips * width  # wide: where there would be too many strips
     n = np.where(uneven, graded.pieces, steps(np.where(sliver, 0.0, longest), step))
     near = np.zeros(len(p), bool)
-    close = np.flatnonzero(lit & (longest > SMALL * step))
+    close = np.flatnonzero(lit & (longest > _SMALL * step))
     near[close] = _halvings(p[close], step[close], lights) > 0
     cut = np.flatnonzero(near | sliver | uneven)
     apex = np.where(sliver[cut], (edges[:, cut].argmin(0) + 2) % 3, -1)
@@ -172,7 +172,7 @@ def tessellate(
     unit, size = triangle_normals(p)
     geometric = unit.T.astype(np.float32)
 
-    tiny = longest <= SMALL * step
+    tiny = longest <= _SMALL * step
     counts = np.where(tiny, 1, (n + 1) * (n + 2) // 2) * (n > 0)
     begin, first = (np.cumsum(of) - of for of in (counts, n * n))
     face, face_of_cell = (np.repeat(np.arange(len(p)), of) for of in (counts, n * n))
