@@ -51,9 +51,9 @@ class Event(ctypes.Union):
 
 @contextmanager
 def display(size: tuple[int, int]) -> Iterator[None]:
-    """Run a virtual screen of `size` (width, height) for new windows."""
+    """Run a virtual screen of `size` (width, height) for new windows. A server that resets may refuse a client meanwhile."""
     reader, writer = os.pipe()
-    words = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{size[0]}x{size[1]}x24", "-nolisten", "tcp"]
+    words = ["Xvfb", "-noreset", "-displayfd", str(writer), "-screen", "0", f"{size[0]}x{size[1]}x24", "-nolisten", "tcp"]
     server = subprocess.Popen(words, pass_fds=[writer], stderr=subprocess.DEVNULL)
     os.close(writer)
     with os.fdopen(reader) as pipe:
