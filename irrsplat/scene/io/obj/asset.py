@@ -73,18 +73,22 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
     reader = MaterialFiles()
     found: dict[str, Material] = {}
     missing = []
+
+    def read(file: Path) -> None:
+        try:
+            found.update(reader.read(file, shape.names))
+        except InputError as error:
+            notices.append(f"{error}; its colours are 0.5")
+
     for name, file in (one for written in shape.libraries for one in find_libraries(path.parent, written)):
         if file is None:
             missing.append(name)
-            continue
-        try:
-            found |= reader.read(file, shape.names)
-        except InputError as error:
-            notices.append(f"{error}; its colours are 0.5")
+        else:
+            read(file)
     nameless = not shape.libraries and any(shape.names)  # usemtl without mtllib
     beside = find_file(path.parent, f"{path.stem}.mtl") if nameless or (missing and not found) else None
     if beside is not None:
-        found |= reader.read(beside, shape.names)
+        read(beside)
     if missing:
         first, *rest = dict.fromkeys(missing)
         more = f" and {len(rest)} more" * bool(rest)
