@@ -317,7 +317,9 @@ class RecordGatherer(Owner):
         (numbers,) = np.nonzero(due)
         numbers = numbers[np.argsort(-due[numbers], kind="stable")]
         found = self._probed(shadows, numbers, budget)
-        cache.invalidate(apply_probes(cache, numbers[: len(found)], found, self.gather_pass().radii))
+        changed = apply_probes(cache, numbers[: len(found)], found, self.gather_pass().radii)
+        if len(changed):  # the age of stale records is a factor of their priority
+            cache.invalidate(changed)
         if len(found) == len(numbers):
             self.basis = replace(self.basis, moved=False)
 
