@@ -96,7 +96,7 @@ WHITE = "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\n"
 @pytest.mark.parametrize(
     ("text", "green", "message"),
     [
-        (SQUARE + " " * 100 + "f 1 2 3\n", None, ""),
+        ("# C:\\ \n" + SQUARE + "g D:\\ \n" + " " * 100 + "f 1 2 3 # E:\\\n", None, ""),  # none of these lines continues
         (WHITE + "f 1 2 3\n", None, ""),
         (WHITE.replace("1 1 1", "0 0 -1") + "f 1 2 3\n", None, ""),  # normals, as from some programs
         (WHITE.replace("1 1 1", "0 1 0") + "f 1 2 3\n", 1.0, ""),

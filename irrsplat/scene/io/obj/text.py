@@ -48,8 +48,7 @@ _CP1252 = [bytes([byte]).decode("cp1252", "ignore") or chr(byte) for byte in ran
 
 def find_lines(path: Path, data: bytes) -> Lines:
     """Return the lines of `data`, the text of the file at `path`, with line ends ``\\n``; keywords may be in upper case."""
-    if b"\\" in data:
-        data = re.sub(rb"\\[ \t]*\n", b" \v", data)
+    data = _join_continued(data) if b"\\" in data else data
     data += b"\n\n\n"  # allows access to three letters from any start
     code = np.frombuffer(data, np.uint8)
     end = np.flatnonzero(code == 10)
@@ -69,6 +68,22 @@ def find_lines(path: Path, data: bytes) -> Lines:
     kind[of_vertices & (second | 32 == ord("t")) & (third <= 32)] = COORDINATE
     kind[(first | 32 == ord("f")) & (second <= 32)] = FACE
     return Lines(path, data, start, end, kind)
+
+
+def _join_continued(data: bytes) -> bytes:
+    r"""Return `data` with ``\v`` for the line ends after a backslash, which continue a line, except in comments.
+
+    Blanks may follow the backslash in lines of numbers. In other lines, it may end a name.
+    """
+    joined, after = bytearray(data), -1  # after: the end of the last continued line
+    for found in re.finditer(rb"\\[ \t]*\n", data):
+        start, (end, after_blanks) = data.rfind(b"\n", 0, found.start()) + 1, found.span()
+        line = data[start:end]
+        of_numbers = start == after or next(iter(line.lower().split(None, 1)), b"") in KEYWORDS
+        if b"#" not in line and (of_numbers or after_blanks == end + 2):
+            after = after_blanks
+            joined[end], joined[after - 1] = 32, 11
+    return bytes(joined)
 
 
 @dataclass(frozen=True)
