@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -57,13 +57,17 @@ def user_folder(kind: Literal["cache", "config"]) -> Path | None:
 @dataclass
 class _Bounds:
     """The permissions of the scene being read: its file and these folders, links resolved, and remaining pixels of images,
-    vertices of copies and searches of files."""
+    vertices of copies and searches of files.
+
+    listings: the names in each folder that was searched.
+    """
 
     file: Path
     folders: tuple[Path, ...]
     pixels: int = FREE_PIXELS
     copies: int = MOST_COPIES
     searches: int = MOST_SEARCHES
+    listings: dict[Path, dict[str, str]] = field(default_factory=dict)
 
 
 _bounds: ContextVar[_Bounds | None] = ContextVar("bounds", default=None)
@@ -175,6 +179,17 @@ def take_search() -> bool:
     bounds = _limits()
     bounds.searches -= 1
     return bounds.searches >= 0
+
+
+def listing(folder: Path, key: Callable[[str], str]) -> dict[str, str]:
+    """Return the names in `folder` by their keys, the least of equal ones; a scene's file reads each folder once.
+
+    Raises OSError for an unreadable folder.
+    """
+    listings = _limits().listings
+    if folder not in listings:
+        listings[folder] = {key(name): name for name in sorted(os.listdir(folder), reverse=True)}
+    return listings[folder]
 
 
 TOO_MANY_COPIES = f"meshes that are shown again have more than {MOST_COPIES} vertices together; leave some of them out"

@@ -12,7 +12,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
@@ -21,7 +20,7 @@ import numpy as np
 
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
-from irrsplat.core.paths import FREE_PIXELS, PIXELS_PER_BYTE, may_read, name_of, take_pixels, take_search
+from irrsplat.core.paths import FREE_PIXELS, PIXELS_PER_BYTE, listing, may_read, name_of, take_pixels, take_search
 from irrsplat.core.words import quote
 from irrsplat.scene.model import Image
 
@@ -194,7 +193,7 @@ def _find_from(folder: Path, name: str) -> Path | None:
         at = Path(path.anchor) if path.anchor else folder
         for part in path.parts[1:] if path.anchor else path.parts:
             if not (at / part).exists():
-                alike = _spelled_names(at, at.stat().st_mtime_ns).get(_folded(part))
+                alike = listing(at, _folded).get(_folded(part))
                 if alike is None:
                     return None
                 part = alike
@@ -202,12 +201,6 @@ def _find_from(folder: Path, name: str) -> Path | None:
         return at if at.is_file() else None
     except (OSError, ValueError):  # not a valid file name, or an unreadable folder
         return None
-
-
-@lru_cache(maxsize=16)
-def _spelled_names(folder: Path, changed: int) -> dict[str, str]:
-    """Return the names in a folder by their folded forms, the least of equal ones. changed: the folder's time of modification."""
-    return {_folded(name): name for name in sorted(os.listdir(folder), reverse=True)}
 
 
 def _folded(name: str) -> str:
