@@ -12,7 +12,7 @@ from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, d
 
 _OUTSIDE, _INSIDE = 45.0, 65.0  # degrees: vertical fields of view
 _THREE_QUARTERS = np.array([0.48, 0.36, 0.8])  # right, up and front, unit: direction from an object to the camera
-_FROM_ABOVE = np.array([0.33, 0.77, 0.55])  # the same for rooms without ceilings, past the nearer walls
+_FROM_ABOVE = np.array([0.33, 0.77, 0.546])  # the same for rooms without ceilings, past the nearer walls
 _CLOSED_ROOM = 0.85  # least share of blocked directions in a closed room
 _OPEN_SIDE = 0.7  # the same at the open side of a room that lacks a wall
 _ANY_ROOM = 0.5  # the same anywhere in a room
@@ -22,7 +22,7 @@ _EYE, _STOREY = 1.6, (1.9, 60.0)  # metres: eye height for ceilings in this rang
 _EYE_SHARE = 0.45  # of the height of other rooms
 _LEAST_CLEARANCE = 0.15  # of the median distance around the eye: least distance to obstacles
 _PLACES, _STAGE_PLACES = 0.1, 0.6  # least share of tried points inside a closed room, and a room that may lack a wall
-_ROOFLESS = 0.15  # least share of tried points between walls without a ceiling, in a building without ceilings
+_ROOFLESS = 0.15  # least share of tried points between walls without a ceiling, in a building, bowl or pool without one
 _GRID = 5  # tried points along each side of the floor
 _HEIGHTS = 0.35, 0.65  # of the bounding box: heights of the tried points
 _MOST_VERTICES = 200_000  # vertices that are examined
@@ -36,7 +36,8 @@ _SPLITS = 16  # at most; each halves the edges of a triangle that extends beyond
 class RoomPlaces:
     """Points of a scene that may be inside a room.
 
-    places: position (3,) and surroundings of each. roofless: True for a building without ceilings.
+    places: position (3,) and surroundings of each. roofless: True if walls without a ceiling surround much of the scene, as in a
+    building without ceilings, or in a bowl.
     """
 
     places: tuple[tuple[np.ndarray, Surroundings], ...]
