@@ -191,11 +191,13 @@ class Materials:
 
 def _base(entry: Mapping[str, Any]) -> tuple[Mapping[str, Any], str, str]:
     """Return the object with the base colour of a material, and the keys of its factor and its texture."""
+    found = entry.get("pbrMetallicRoughness")
+    metal = found if isinstance(found, dict) else {}
     gloss = extension(entry, "KHR_materials_pbrSpecularGlossiness")
-    if gloss is not None:
+    # most files have both; the diffuse colour alone is black for metals
+    if gloss is not None and "baseColorFactor" not in metal and "baseColorTexture" not in metal:
         return gloss, "diffuseFactor", "diffuseTexture"
-    metal = entry.get("pbrMetallicRoughness")
-    return metal if isinstance(metal, dict) else {}, "baseColorFactor", "baseColorTexture"
+    return metal, "baseColorFactor", "baseColorTexture"
 
 
 def _texture_infos(entry: Mapping[str, Any]) -> list[dict[str, Any] | None]:
