@@ -36,7 +36,7 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import SETTINGS
 
 _STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
-_BETWEEN = 0.3  # of the squared target error: the surface cache's share, above which it is refined further
+_BETWEEN = 0.3  # of a squared error: the share of surface cache or records, above which these are refined further
 LAST = 40  # steps
 _LEAVE = 0.8  # of the picture's error: pixels with less are not refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
@@ -123,8 +123,8 @@ class Refiner(Owner):
             doublings += finer and noise > aim**2
             self.error = off / tests.mean if tests.mean > 0.0 else 0.0
             surface = gatherer.surface_now
-            # the finest surface cache may be off by more than the target; then records need not be better
-            if surface is not None and not surface.may_refine and of_records < surface_error:
+            # the finest surface cache may be off by more than the target; then records need not be much better
+            if surface is not None and not surface.may_refine and of_records**2 < _BETWEEN * off**2:
                 return
             yield
             if step == LAST:
