@@ -208,6 +208,7 @@ class Frames(Owner):
         if new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
+        complete &= not (ready and idle and budget.limited and len(gatherer.unprobed))
         progress = self.progress(view, new, complete, renewed)
         return replace(state, view=view), Round(camera, shadows, gbuffer, screen.splats, progress)
 

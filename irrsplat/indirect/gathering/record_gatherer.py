@@ -185,9 +185,7 @@ class RecordGatherer(Owner):
         # another way to gather voids all probes; records from a file have light that no probe finds without a surface cache
         other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way and not self.awaits_light
         if (other_bounces or (change and change.dimming is None)) and shadows is not None:
-            adopt_probes(cache)
-            unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
-            cache.column("probe")[unknown] = self._probed(shadows, unknown, Budget(None))  # by the former light
+            self._probe_new(shadows, Budget(None))  # by the former light
         try:
             self.world.apply(change)
             self.gather_pass(new)
@@ -263,8 +261,10 @@ class RecordGatherer(Owner):
         if not (postponed and self.awaits_light):
             self.world.prebuild(self._needs_tree)
         ready = self._advance(shadows, budget, idle)
-        if ready:
+        if ready and self.basis.moved:
             self._probe_changed(shadows, budget.part(0.5, 0.0, _SHARE))
+        elif ready and idle and budget.limited:  # else the first change of the scene waits for all probes
+            self._probe_new(shadows, budget.part(0.5, 0.0, _SHARE))
         return ready
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
@@ -311,8 +311,6 @@ class RecordGatherer(Owner):
     def _probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Probe the records that a change may affect, the most affected first: correct their values, and mark records that have
         changed too much as stale."""
-        if not self.basis.moved:
-            return
         cache, due = self.cache, self.cache.column("due")
         (numbers,) = np.nonzero(due)
         numbers = numbers[np.argsort(-due[numbers], kind="stable")]
@@ -322,6 +320,18 @@ class RecordGatherer(Owner):
             cache.invalidate(changed)
         if len(found) == len(numbers):
             self.basis = replace(self.basis, moved=False)
+
+    def _probe_new(self, shadows: ShadowMaps, budget: Budget) -> None:
+        """Probe records without a probe by the present light, for comparison with probes after a change."""
+        adopt_probes(self.cache)
+        found = self._probed(shadows, self.unprobed, budget)
+        found[:, 3] = np.maximum(found[:, 3], 1e-30)  # metres: 0 marks records without a probe
+        self.cache.column("probe")[self.unprobed[: len(found)]] = found
+
+    @property
+    def unprobed(self) -> np.ndarray:
+        """The numbers of the records without a probe."""
+        return np.flatnonzero(self.cache.column("probe")[:, 3] == 0.0)
 
     def _probed(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
         """Return (K, 22) probes of the first K of the records of these numbers within the budget, see columns_of."""
@@ -355,6 +365,8 @@ class RecordGatherer(Owner):
         square of rays; 0: the settings' side. near: True if new records cover only near surfaces, so that few rays may suffice.
         probes: another cache for rough values at the sites, with M and ∇E if `gradients`.
         """
+        if not len(at):
+            return 0
         cache, done, side = self.cache if probes is None else probes, 0, side or self._provisional_side
         settings, few = self.settings, 0 if side else self._fewer
         gather = self.gather_pass(side=side, probe=probes is not None or side == self._provisional_side > 0)
