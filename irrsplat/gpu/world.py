@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
@@ -20,13 +21,13 @@ from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Workshop
-from irrsplat.scene.appearance import flatten, numbered_alike, runs
+from irrsplat.scene.appearance import flatten, numbered_alike, order, runs
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.emitters import unlit_interiors
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import CUT_OUT, Holes, face_counts, sort_of
-from irrsplat.scene.spatial.bvh import Bvh, build
+from irrsplat.scene.spatial.bvh import Bvh, build, joined
 from irrsplat.scene.spatial.visible_parts import SceneParts
 
 Made = TypeVar("Made")
@@ -59,6 +60,9 @@ class World(Owner):
         self._parts: SceneParts | None = None
         self._pending_tree: Future[Bvh] | None = None
         self._pending_caster: Future[RayCaster] | None = None
+        # triangles with ray structures of their own, of the meshes that moved last in a large scene; and the box for the grid
+        self._apart, self._room = np.zeros(0, np.intp), np.zeros((2, 3))
+        self._placed: tuple[np.ndarray, RayCaster] | None = None  # the caster by the corners of all triangles
         self.eyes = np.array([camera.eye for camera in scene.cameras], float).reshape(-1, 3)
 
     @property
@@ -117,9 +121,19 @@ class World(Owner):
     @property
     def tree(self) -> BvhTable:
         """BVH, made at first use and again after moves. Raises InputError if the GPU cannot hold it."""
-        found = self._made.get("tree", (), lambda: BvhTable(self.ctx, self._tree_build().result()))
-        self._pending_tree = None
+        found = self._made.get("tree", (), lambda: BvhTable(self.ctx, self._whole_tree()))
+        if not len(self._apart):
+            self._pending_tree = None
         return found
+
+    def _whole_tree(self) -> Bvh:
+        """Return the tree of all triangles that light meets."""
+        still, apart = self._tree_build().result(), self._apart
+        if not len(apart):
+            return still
+        moving = build(self.geometry.corners[apart], self._room)
+        numbers = np.delete(np.arange(self.geometry.counts.lit), apart)
+        return joined(replace(still, order=numbers[still.order]), replace(moving, order=apart[moving.order]))
 
     def casts_rays(self, hurried: bool = False) -> bool:
         """True if shaders can trace rays in the scene: the GPU can hold its BVH. hurried: False while the BVH is built."""
@@ -147,33 +161,54 @@ class World(Owner):
         return self._made.find("tree", BvhTable)
 
     def _tree_build(self) -> Future[Bvh]:
-        """Return the build of `tree`, in a thread if it takes long."""
+        """Return the build of `tree` without triangles apart, in a thread if it takes long."""
         if self._pending_tree is None:
-            self._pending_tree = self._in_background(partial(build, self.geometry.corners[: self.geometry.counts.lit]))
+            corners = self.geometry.corners[: self.geometry.counts.lit]
+            still = (np.delete(corners, self._apart, axis=0), self._room) if len(self._apart) else (corners,)
+            self._pending_tree = self._in_background(partial(build, *still))
         return self._pending_tree
 
     @property
     def caster(self) -> RayCaster:
         """Embree's scene of the triangles that light meets, by their numbers; made at first use and again after moves."""
-        return self._caster_build().result()
+        caster, corners = self._caster_build().result(), self.geometry.corners
+        if not len(self._apart):
+            return caster
+        if self._placed is None or self._placed[0] is not corners:
+            self._placed = corners, caster.placed(corners)
+        return self._placed[1]
 
     def _caster_build(self) -> Future[RayCaster]:
-        """Return the build of `caster`, in a thread if it takes long."""
+        """Return the build of `caster` without triangles apart, in a thread if it takes long."""
         if self._pending_caster is None:
             vertices, faces = flatten(self.scene)
             holes = Holes(self.scene, vertices, faces) if self.geometry.counts.cut_out else None
             self._pending_caster = self._in_background(
-                partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit], holes)
+                partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit], holes, self._apart)
             )
         return self._pending_caster
 
-    def _discard_ray_structures(self) -> None:
-        """Discard ray structures of moved triangles, and cancel builds that have not begun."""
+    def _move_ray_structures(self, moved: tuple[int, ...]) -> None:
+        """Discard ray structures after a move of the meshes of these indices, and cancel builds that have not begun.
+
+        In a large scene, the structures of all other triangles stay while the same meshes move again.
+        """
         self._made.drop("tree")
+        counts, corners, meshes = self.geometry.counts, self.geometry.corners, self.scene.meshes
+        of_mesh = np.concatenate([np.full(len(meshes[i].faces), i) for i in order(self.scene)])
+        apart = np.flatnonzero(np.isin(of_mesh[: counts.lit], moved))
+        few = self.large and len(apart) <= _LARGE and not (apart >= counts.solid).any()
+        if few and len(apart) and np.array_equal(apart, self._apart):
+            points = corners[apart].reshape(-1, 3)
+            if (points >= self._room[0]).all() and (points <= self._room[1]).all():
+                return
         for builds in (self._pending_tree, self._pending_caster):
             if builds is not None:
                 builds.cancel()
-        self._pending_tree = self._pending_caster = None
+        self._pending_tree = self._pending_caster = self._placed = None
+        self._apart = apart if few else apart[:0]
+        low, high = corners.min((0, 1), initial=0.0), corners.max((0, 1), initial=0.0)
+        self._room = np.stack([low - (high - low), high + (high - low)])
 
     def _in_background(self, make: Callable[[], Made]) -> Future[Made]:
         """Return the future of `make`, in a thread for a large scene."""
@@ -229,7 +264,7 @@ class World(Owner):
             if moved:
                 self._parts = None
                 self.geometry.update(vertices, faces)
-                self._discard_ray_structures()
+                self._move_ray_structures(change.moved)
             else:
                 self.geometry.repaint(vertices)
                 if any(sort_of(scene.meshes[i]) == CUT_OUT for i in change.repainted):

@@ -6,8 +6,9 @@ The package is imported by RayCaster, so that other ways of gathering work witho
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from functools import cache
 from importlib.util import find_spec
 from typing import Any
@@ -44,14 +45,27 @@ def _rays_per_call(rays: int) -> int:
 class RayCaster:
     """A set of triangles in Embree.
 
-    positions: (V, 3) float32, metres; faces: (T, 3) int, their corners. holes: of the last triangles; None: all are whole.
+    positions: (V, 3) float32, metres; faces: (T, 3) int, their corners. holes: of the last triangles; None: all are whole. apart:
+    numbers of whole triangles that are absent until `placed` adds them.
     Results are deterministic. Raises ImportError where embreex is missing.
     """
 
-    def __init__(self, positions: np.ndarray, faces: np.ndarray, holes: Holes | None = None) -> None:
+    def __init__(
+        self, positions: np.ndarray, faces: np.ndarray, holes: Holes | None = None, apart: Sequence[int] | np.ndarray = ()
+    ) -> None:
         whole = len(faces) if holes is None else holes.first
         self._holes, self._behind = holes, _BEHIND * float(np.abs(positions).max(initial=0.0))
-        self._scene, self._cut_out = (_tree(positions, some) for some in (faces[:whole], faces[whole:]))
+        self._apart = np.asarray(apart, np.intp)
+        still = np.delete(np.arange(whole), self._apart)
+        self._trees = [(tree, still) for tree in [_tree(positions, faces[still])] if tree is not None]  # with triangle numbers
+        self._cut_out = _tree(positions, faces[whole:])
+
+    def placed(self, corners: np.ndarray) -> RayCaster:
+        """Return a caster with all triangles, of these `corners` (T, 3, 3); only those `apart` may differ from the first ones."""
+        found, points = copy(self), np.ascontiguousarray(corners[self._apart], np.float32).reshape(-1, 3)
+        tree = _tree(points, np.arange(len(points)).reshape(-1, 3))
+        found._trees = [*self._trees, *([(tree, self._apart)] if tree is not None else [])]
+        return found
 
     def first_hits(self, origins: np.ndarray, frames: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return (N, R) int32, the first triangle that each of R rays from N places hits, from either side; -1: none.
@@ -76,13 +90,13 @@ class RayCaster:
     def run(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return (N,) int, the first triangle that each ray hits, -1: none, on the present thread; origins, directions: (N, 3)
         float32."""
-        if self._scene is None:
-            found, ends = np.full(len(origins), -1), np.full(len(origins), _FAR, np.float32)
-        elif self._holes is None:
-            return np.asarray(self._scene.run(origins, directions))
-        else:
-            hit = self._scene.run(origins, directions, output=True)
-            found, ends = hit["primID"], hit["tfar"]
+        if self._holes is None and len(self._trees) == 1 and not len(self._apart):
+            return np.asarray(self._trees[0][0].run(origins, directions))  # takes less time without distances
+        found, ends = np.full(len(origins), -1), np.full(len(origins), _FAR, np.float32)
+        for tree, numbers in self._trees:
+            hit = tree.run(origins, directions, ends.copy(), output=True)  # writes into the last array
+            met = np.flatnonzero(hit["primID"] >= 0)
+            found[met], ends[met] = numbers[hit["primID"][met]], hit["tfar"][met]
         nearer, _ = self._between_holes(origins, directions, ends)
         return np.where(nearer < 0, found, nearer)
 
@@ -95,7 +109,7 @@ class RayCaster:
         found, at = np.full(len(origins), -1), ends.copy()
         if self._cut_out is None or self._holes is None:
             return found, at
-        left = np.flatnonzero(self._cut_out.run(origins, directions, ends.copy()) >= 0)  # writes into the last array
+        left = np.flatnonzero(self._cut_out.run(origins, directions, ends.copy()) >= 0)
         origin, way, far = origins[left], directions[left], ends[left]
         for _ in range(_LAYERS):
             if not len(left):
@@ -120,8 +134,8 @@ class RayCaster:
         def test(some: slice) -> None:
             """Trace some of the segments."""
             start, away, free = starts[some], ends[some] - starts[some], found[some]
-            if self._scene is not None:
-                free[:] = self._scene.run(start, away, np.ones(len(away), np.float32), query="OCCLUDED") < 0  # up to the ends
+            for tree, _ in self._trees:
+                free &= tree.run(start, away, np.ones(len(away), np.float32), query="OCCLUDED") < 0  # up to the ends
             if self._cut_out is not None:
                 free[free] = self._between_holes(start[free], away[free], np.ones(int(free.sum()), np.float32))[0] < 0
 
@@ -139,8 +153,8 @@ class RayCaster:
         def trace(some: slice) -> None:
             """Trace some of the segments."""
             start, away = starts[some], ends[some] - starts[some]
-            if self._scene is not None:
-                found[some] = self._scene.run(start, away, found[some].copy(), query="DISTANCE")
+            for tree, _ in self._trees:
+                found[some] = tree.run(start, away, found[some].copy(), query="DISTANCE")
             if cut_outs and self._cut_out is not None:
                 found[some] = self._between_holes(start, away, found[some])[1]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +18,7 @@ from irrsplat.gpu import shader_source
 from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.target import Target, table_texture
-from irrsplat.scene.spatial.bvh import build
+from irrsplat.scene.spatial.bvh import Bvh, build, joined
 from tests.support.worlds import sphere
 
 MISS = np.inf
@@ -56,7 +57,7 @@ def nearest(o: np.ndarray, d: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def shaded(
-    ctx: moderngl.Context, tmp_path: Path, corners: np.ndarray, o: np.ndarray, d: np.ndarray
+    ctx: moderngl.Context, tmp_path: Path, corners: np.ndarray, o: np.ndarray, d: np.ndarray, bvh: Bvh | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return results of lib/rays/bvh.glsl: (R,) distances, MISS for none, and (R, 3) hit points from barycentric coordinates."""
     (tmp_path / "lib" / "rays").mkdir(parents=True, exist_ok=True)
@@ -77,7 +78,7 @@ def shaded(
     vertices = np.zeros((3 * len(corners), WIDTH), "f4")
     vertices[:, :3] = corners.reshape(-1, 3)
     tree, triangles = (
-        BvhTable(ctx, build(corners)),
+        BvhTable(ctx, bvh or build(corners)),
         TriangleTable(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3)),
     )
     width, both = 256, np.zeros((-(-len(o) // 256) * 256, 2, 4), "f4")
@@ -158,6 +159,18 @@ def test_the_shader_finds_the_same(ctx: moderngl.Context, tmp_path: Path, name: 
     if both.any():
         away = np.linalg.norm(o[both] + t[both, None] * d[both] - p[both], axis=1)
         assert np.percentile(away, 99) < 1e-4 * size, "the shares of the corners say where it is"
+
+
+@pytest.mark.parametrize("name", ["none", "one", "five", "many", "unlike", "points and lines"])
+def test_joined_trees_are_the_tree_of_all(ctx: moderngl.Context, tmp_path: Path, name: str) -> None:
+    """Every ray finds the hit of the whole tree in two trees of a third and the rest."""
+    corners = SETS[name].astype("f4")
+    (o, d), points, parts = rays_for(corners), np.concatenate([corners.reshape(-1, 3), np.zeros((1, 3))]), []
+    for some in np.array_split(np.random.default_rng(7).permutation(len(corners)), [len(corners) // 3]):
+        tree = build(corners[some], np.stack([points.min(0), points.max(0)]))
+        parts.append(replace(tree, order=some[tree.order]))
+    whole, both = (shaded(ctx, tmp_path, corners, o, d, tree) for tree in (None, joined(*parts)))
+    assert np.array_equal(whole[0], both[0])
 
 
 def test_no_ray_slips_through_an_edge(ctx: moderngl.Context, tmp_path: Path) -> None:

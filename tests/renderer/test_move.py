@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from irrsplat import InputError, Renderer
+from irrsplat.gpu import world
 from irrsplat.gpu.target import pixels
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
@@ -150,16 +151,25 @@ def renderer(ctx: moderngl.Context) -> Iterator[Renderer]:
 
 @pytest.mark.few_sites
 @pytest.mark.parametrize(
-    ("transform", "bounces"),
+    ("transform", "bounces", "gather", "large"),
     [
-        (shift(0.0, 3.0), 1),
-        (np.array([[-0.8, 0, 0.6, 0], [0.0, 1.1, 0, 0.1], [0.6, 0, 0.8, 0]]), "all"),
+        (shift(0.0, 3.0), 1, "trace", 20_000),
+        (np.array([[-0.8, 0, 0.6, 0], [0.0, 1.1, 0, 0.1], [0.6, 0, 0.8, 0]]), "all", "trace", 20_000),
+        (shift(0.3), "all", "trace", 12),
+        (shift(0.0, 0.2), 1, "embree", 12),
+        (shift(0.0, 9.0), 1, "embree", 12),
     ],
-    ids=["out of the room", "mirrored"],
+    ids=["out of the room", "mirrored", "large", "large, by Embree", "large, far away"],
 )
-def test_a_moved_scene_is_as_if_it_had_been_loaded_so(ctx: moderngl.Context, transform: np.ndarray, bounces: Any) -> None:
-    """G-buffer, direct light, and values at equal sites are equal bit for bit, also if the scene grows."""
-    settings = {**FAST, "bounces": bounces, "gather": "trace"}
+def test_a_moved_scene_is_as_if_it_had_been_loaded_so(
+    ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch, transform: np.ndarray, bounces: Any, gather: str, large: int
+) -> None:
+    """G-buffer, direct light, and values at equal sites are equal bit for bit, also if the scene grows.
+
+    large: triangles from which ray structures of still triangles stay; the box has 12.
+    """
+    monkeypatch.setattr(world, "_LARGE", large)
+    settings = {**FAST, "bounces": bounces, "gather": gather}
     with Renderer(room(), SIZE, ctx=ctx, **settings) as old:
         old.render()
         old.move(BOX, shift(0.1))

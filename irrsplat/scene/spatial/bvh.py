@@ -40,16 +40,30 @@ class Bvh:
     order: np.ndarray
 
 
-def build(corners: np.ndarray) -> Bvh:
-    """Return the tree of triangles (F, 3, 3) with finite corners; equal corners give an equal tree."""
+def build(corners: np.ndarray, room: np.ndarray | None = None) -> Bvh:
+    """Return the tree of triangles (F, 3, 3) with finite corners; equal corners give an equal tree.
+
+    room: (2, 3) corners of a box around all of them, which the grid spans; default: the smallest one.
+    """
     corners = np.asarray(corners, np.float32).reshape(-1, 3, 3)
     if not len(corners):  # one node with an inverted box, which no ray enters
         link = np.arange(1, 9, dtype=np.uint32)[:, None, None]
         nodes = np.concatenate([np.broadcast_to(np.array([0xFFFFFFFF, 0xFFFF, 0], np.uint32), (8, 1, 3)), link], axis=2)
-        return Bvh(nodes, np.array([[0.0] * 3, [1.0] * 3], np.float32), np.zeros(0, np.intp))
+        return Bvh(nodes, np.array([[0.0] * 3, [1.0] * 3], np.float32) if room is None else _grid(*room), np.zeros(0, np.intp))
     tree = _tree(_boxes(corners))
-    grid = _grid(tree.boxes[:3, 0], -tree.boxes[3:, 0])
+    grid = _grid(*((tree.boxes[:3, 0], -tree.boxes[3:, 0]) if room is None else room))
     return Bvh(_table(tree, grid), grid, tree.order)
+
+
+def joined(first: Bvh, second: Bvh) -> Bvh:
+    """Return one tree of the triangles of two trees with equal grids. Rays traverse the nodes of the second after the first's."""
+    counts, parts = [tree.nodes.shape[1] for tree in (first, second)], []
+    for tree, other, rows, items in ((first, counts[1], 0, 0), (second, counts[0], counts[0], len(first.order))):
+        nodes = tree.nodes.copy()
+        octant = np.arange(8, dtype=np.uint32)[:, None]
+        nodes[..., 3] += np.where(nodes[..., 3] < 1 << 31, octant * other + rows, 4 * items).astype(np.uint32)
+        parts.append(nodes)
+    return Bvh(np.concatenate(parts, axis=1), first.grid, np.concatenate([first.order, second.order]))
 
 
 def _boxes(corners: np.ndarray) -> np.ndarray:
