@@ -98,6 +98,7 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.ply", PLY.replace("float x", "float a"), "no vertices"),
         ("a.obj", b"\0\0\0\1v\n" * 99, "this is binary data"),  # object code of a compiler
         ("a.ply", PLY.replace("ply", "plx"), "no PLY"),
+        ("a.ply", "", "the file is empty"),
         ("a.ply", PLY.replace("element vertex 4", "element vertex 99999999999"), "truncated"),
         ("a.ply", PLY.replace("element face 4", "element face 0"), "no faces"),
         ("a.ply", PLY.replace("0 0 0 0 0 0", "nan 0 0 0 0 0").replace("3 1 2 3", "3 0 2 3"), "a.ply: "),
@@ -119,6 +120,8 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.gltf", {**TREE, "buffers": [{"byteLength": 10}]}, "its binary chunk is missing"),
         ("a.gltf", {**TREE, "buffers": [{"byteLength": 10, "uri": "data:;base64,A"}]}, "a data URI is damaged"),
         ("a.gltf", {**TREE, "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 0}]}]}, "only points"),
+        ("a.gltf", {**TREE, "meshes": [{"primitives": [{"attributes": {"POSITION": 9}, "indices": 1}]}]}, "a.gltf: "),
+        ("a.gltf", {**TREE, "meshes": [{"primitives": [{"attributes": {}}]}]}, "a.gltf: "),
     ],
 )  # fmt: skip
 def test_a_file_with_nothing_to_show_is_one_line(write: Write, name: str, data: Any, message: str) -> None:

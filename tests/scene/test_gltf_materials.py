@@ -50,6 +50,10 @@ def base(**metallic_roughness: Any) -> dict[str, Any]:
             Material((0.1, 0.2, 0.3), double_sided=False),
         ),
         (
+            {**base(baseColorFactor=[1, 0.5, 0, 1]), "extensions": {"KHR_materials_pbrSpecularGlossiness": {}}},
+            Material((1, 0.5, 0), double_sided=False),
+        ),
+        (
             {**base(baseColorFactor=[0.1, 0.2, 0.3, 1]), "emissiveFactor": [9, 9, 9], "extensions": {"KHR_materials_unlit": {}}},
             Material((0, 0, 0), (0.1, 0.2, 0.3), double_sided=False, unlit=True),
         ),
