@@ -35,7 +35,9 @@ def renderer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Renderer]:
         yield made
 
 
-def test_a_refined_view_comes_near_the_truth_and_tells_how_near(renderer: Renderer) -> None:
+@pytest.mark.parametrize("gradients", [False, True])
+def test_a_refined_view_comes_near_the_truth_and_tells_how_near(renderer: Renderer, gradients: bool) -> None:
+    renderer.change(renderer.settings.with_values({"gradients": gradients, "quality": 0.0}))
     first = renderer.render()
     truth = fine_gather.gather(renderer.world, read_back(renderer.draw_gbuffer(renderer.scene.camera())), 256, count=200)
     before = truth.error(first.irradiance)
