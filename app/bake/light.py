@@ -22,7 +22,7 @@ from irrsplat.gather.kinds import shadow_caster
 from irrsplat.gpu.resource import Owner, Tenant
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.indirect.scheduler import Phase, RecordScheduler, ViewState
+from irrsplat.indirect.scheduler import RecordScheduler, ViewState
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.lit_scene import LitScene
@@ -71,12 +71,12 @@ class PlaceLight(Tenant):
         ):
             view, before = ViewState((camera,)), self.cache.count
             for _ in range(MOST_ROUNDS):
-                view, _ = scheduler.limit_radii(view)
+                scheduler.limit_radii(view)
                 sums = splats.update(self.cache)
                 if view.ended((sums, settings.request_criteria)):
                     break
                 screen = scheduler.screen(drawn.gbuffer, sums, camera)
-                view, *_ = scheduler.gather_missing(view, screen, self.lit.shadows, budget)
+                view, _ = scheduler.gather_missing(view, screen, self.lit.shadows, budget)
                 if on_bake is not None:
                     on_bake(view.coverage, f"{self.cache.count - before} records")
             splats.update(self.cache)
@@ -84,7 +84,7 @@ class PlaceLight(Tenant):
         covered = where.seen & (totals[..., 3] > 0.0)
         irradiance = np.where(covered[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
         check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
-        return irradiance, covered, view.phase is Phase.SETTLED
+        return irradiance, covered, view.settled
 
     def _view(self, size: tuple[int, int]) -> tuple[Camera, float]:
         """Return a distant camera in place of a view, and the `measure` of its picture of `size` in the scene, metres."""

@@ -59,11 +59,6 @@ class Examination:
     weight: np.ndarray
 
     @property
-    def holes(self) -> int:
-        """The number of tiles with a pixel that no record covers."""
-        return int(np.count_nonzero((self.requests > 0.0) & (self.weight <= 0.0)))
-
-    @property
     def missing(self) -> float:
         """The under-covered share of the surface pixels, 0..1."""
         return float(self.requests.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))

@@ -30,7 +30,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, Seen, read_back
-from irrsplat.indirect.scheduler import Phase, RecordScheduler, ViewState
+from irrsplat.indirect.scheduler import RecordScheduler, ViewState
 from irrsplat.indirect.splat import ViewSplats
 from irrsplat.scene.model import Camera
 from irrsplat.settings import SETTINGS
@@ -189,7 +189,7 @@ class Refiner(Owner):
         weights = pixels_covered / max(float(pixels_covered.sum()), 1e-20)
         error = _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))
         self._surface_error = surface.refinements, error
-        self.scheduler.limit_radii(ViewState(phase=Phase.FILL))  # the last test's records are new
+        self.scheduler.limit_radii(ViewState())  # the last test's records are new
         self.splats = yield from self._splatted(camera, number, reach)
         yield
         return error
@@ -217,14 +217,14 @@ class Refiner(Owner):
 
     def _fill(self, camera: Camera, number: int, reach: moderngl.Texture, side: int) -> Steps[bool]:
         """Make records where the next step lacks some, and show its picture. Return False at the limit of records."""
-        fill, settings = ViewState(), self.scheduler.settings
+        fill, settings = ViewState(side=side, checked=True), self.scheduler.settings
         while True:
-            fill, _ = self.scheduler.limit_radii(fill)
+            self.scheduler.limit_radii(fill)
             splats = yield from self._splatted(camera, number, reach)
             of = splats, settings.request_criteria
             if not fill.ended(of):
                 screen = self.scheduler.screen(self._gbuffer, splats, camera)
-                fill, *_ = self.scheduler.gather_missing(fill, screen, self._shadows, self._budget, side)
+                fill, *_ = self.scheduler.gather_missing(fill, screen, self._shadows, self._budget)
             if fill.ended(of):
                 self.splats = splats
                 yield

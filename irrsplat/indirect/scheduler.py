@@ -6,9 +6,7 @@ The progress of a view is an immutable value, which restarts with another camera
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from enum import Enum
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -41,52 +39,31 @@ _AROUND = 8  # records that decide whether a place is probed, half of them befor
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
-class Phase(Enum):
-    """The next work of a view.
-
-    START: old records are compared with each other. FILL: rounds of new records, coarse to fine; without requests, the spot
-    check, and the radii of old records. SETTLED: no pixel requests a record.
-    """
-
-    START = 0
-    FILL = 1
-    SETTLED = 2
-
-
-class Need(NamedTuple):
-    """The result of an examination.
-
-    missing: under-covered share of the surface pixels, 0..1. holes: number of tiles with a pixel that no record covers.
-    requests: number of tiles that request a record. of: the examined sums and the criteria.
-    """
-
-    missing: float = 1.0
-    holes: int = 0
-    requests: int = 0
-    of: tuple[object, ...] = ()
-
-
 @dataclass(frozen=True)
 class ViewState:
     """The progress of one view.
 
-    subject: all inputs of its requests, the camera first; empty for no view. pixel_stride: 2 while only every other pixel is
-    splatted, in both directions. rounds: number of complete rounds. stalled_rounds: number of successive rounds without gain in
-    coverage. step: of the site selection, coarse to fine. need, before: at the beginning of the present round, and of the last
-    complete round. queue: the waiting sites of the present round; None between rounds. near: True if they have the greatest
-    density, so that their records cover only near surfaces. check: the unfinished spot check; checked: True after the check.
-    full: True if the view needs more records than the limit. holes: the cells that still lack a probe, see HoleFilling; None:
-    unknown. scan: the traversal of the paper's algorithm.
+    subject: all inputs of its requests, the camera first; empty for no view. side: of the gathers of a refined view; 0: the
+    settings' side. pixel_stride: 2 while only every other pixel is splatted, in both directions. rounds: number of complete
+    rounds. stalled_rounds: number of successive rounds without gain in coverage. step: of the site selection, coarse to fine.
+    missing, before: under-covered share of the surface pixels, 0..1, at the beginning of the present round, and of the last
+    complete round. examined: sums and criteria of the last examination. settled: True if they request no record.
+    queue: the waiting sites of the present round; None between rounds. near: True if they have the greatest density, so that
+    their records cover only near surfaces. check: the unfinished spot check; checked: True after the check. full: True if the
+    view needs more records than the limit. holes: the cells that still lack a probe, see HoleFilling; None: unknown. scan: the
+    traversal of the paper's algorithm.
     """
 
     subject: tuple[object, ...] = ()
+    side: int = 0
     pixel_stride: int = 1
-    phase: Phase = Phase.START
     rounds: int = 0
     stalled_rounds: int = 0
     step: int = 0
-    need: Need = Need()
-    before: Need = Need()
+    missing: float = 1.0
+    before: float = 1.0
+    examined: tuple[object, ...] = ()
+    settled: bool = False
     queue: Sites | None = None
     near: bool = False
     check: SpotCheck | None = None
@@ -98,7 +75,7 @@ class ViewState:
     @property
     def coverage(self) -> float:
         """The covered share of the surface pixels at the beginning of the present round, 0..1."""
-        return 1.0 - self.need.missing
+        return 1.0 - self.missing
 
     @property
     def lacks_probes(self) -> bool:
@@ -110,9 +87,9 @@ class ViewState:
         """True if rounds no longer gain coverage: the remaining requests cannot be met."""
         return self.stalled_rounds >= GIVE_UP
 
-    def ended(self, of: tuple[object, ...]) -> bool:
+    def ended(self, examined: tuple[object, ...]) -> bool:
         """True if these sums and criteria leave no request, or only requests that no record can satisfy."""
-        return self.stalled or (self.phase is Phase.SETTLED and self.need.of == of)
+        return self.stalled or (self.settled and self.examined == examined)
 
 
 class RecordScheduler(Owner):
@@ -171,14 +148,9 @@ class RecordScheduler(Owner):
         numbers = stale if gbuffer is None else self.refresh_order.order(self.cache, gbuffer, camera, self.settings)
         return self.gatherer.gather(numbers, shadows, budget)
 
-    def limit_radii(self, view: ViewState, last: bool = False) -> tuple[ViewState, bool]:
-        """Compare new records with all others, see AdaptiveRadius, and old ones as well if a view begins or, `last`, ends.
-
-        Return the view, and True if the reach of an old record has changed.
-        """
-        starts = view.phase is Phase.START
-        changed = self.adaptation(self.settings, old_too=last or starts, same_floor=view.queue is not None)
-        return replace(view, phase=Phase.FILL) if starts else view, changed
+    def limit_radii(self, view: ViewState, old_too: bool = False) -> bool:
+        """Compare new records with those before them, see AdaptiveRadius. Return True if the reach of an old record changed."""
+        return self.adaptation(self.settings, old_too, same_floor=view.queue is not None)
 
     def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
         """Return a view that is drawn whole, for the examination."""
@@ -190,62 +162,48 @@ class RecordScheduler(Owner):
         """True while records may be stale or are provisional: their variance and difference from probes have no meaning."""
         return self.cache.waiting > 0 or self.gatherer.provisional
 
-    def need(self, screen: Screen) -> Need:
-        """Return the present need of the view, without a gather."""
-        return self._examination(screen, self.settings)[1]
-
-    def _examination(self, screen: Screen, settings: Settings) -> tuple[Examination, Need]:
-        """Return the examination of the view, and its need."""
+    def examine(self, view: ViewState, screen: Screen, settings: Settings | None = None) -> tuple[ViewState, Examination]:
+        """Return the view with its present coverage, and its examination by these settings, default: the present ones."""
         with self.timers("examine"):
-            found = screen.examine(settings)
-        # a quarter of the tiles requests a record if only every other pixel is examined
-        requests = int(np.count_nonzero(found.requests)) * screen.pixel_stride**2
-        return found, Need(found.missing, found.holes, requests, (screen.sums, settings.request_criteria))
+            found = screen.examine(settings or self.settings)
+        return replace(view, missing=found.missing, examined=(screen.sums, self.settings.request_criteria)), found
 
-    def gather_missing(
-        self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, side: int = 0
-    ) -> tuple[ViewState, int, bool]:
-        """Gather records that the view requests, within the budget.
+    def gather_missing(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> tuple[ViewState, int]:
+        """Gather records that the view requests, within the budget. Return the view, and the number of new records.
 
         Further work waits until no tile requests a record: the spot check, then the reach of old records. Both may make tiles
         request records again.
-        side: of the gathers for a view that is refined, 0 for any other. Refinement evicts no record, and checks no spots.
-        Return the view, the number of new records, and True if the round is complete.
         """
-        scan, new, complete, changing = self.settings.placement == "scan" and not side, 0, True, self._changing
-        coarse, settled = view.pixel_stride > 1, False
-        if scan:
-            view, new, complete = self._scan(view, screen, shadows, budget)
-        elif view.queue is None:
-            if self.cache.count < self._checked:  # requested records were not gathered: their places are checked again
-                self._checked = 0
-            if view.check is None or changing:
-                view = self._select(replace(view, check=None), screen, side)
-            if view.queue is None and not (view.checked or changing or coarse or side):
-                view = self._check(view, screen, shadows, budget)
-                if not view.checked:
-                    return view, 0, False
-        if view.queue is not None:
-            self.gatherer.restore_surface(shadows, budget)
-            new = self.gatherer.gather(screen.requested(view.queue), shadows, budget, side, view.near)
-            complete = new == len(view.queue)
-            view = replace(view, queue=None if complete else view.queue[new:])
-        if not complete or not (new or coarse or not changing):
-            return view, new, False
+        changing, coarse, new = self._changing, view.pixel_stride > 1, 0
+        if self.settings.placement == "scan":
+            view, new, waits = self._scan(view, screen, shadows, budget)
+        else:
+            if view.queue is None:
+                view = self._request(view, screen, shadows, budget)
+            if view.queue is not None:
+                self.gatherer.restore_surface(shadows, budget)
+                new = self.gatherer.gather(screen.requested(view.queue), shadows, budget, view.side, view.near)
+                view = replace(view, queue=view.queue[new:] if new < len(view.queue) else None)
+            waits = view.queue is not None or view.check is not None
+        if waits or (changing and not (new or coarse)):  # changing records are compared once they have their final light
+            return view, new
+        gained, settled = view.missing < view.before, False
         if not new:
-            if not changing:
-                view, limited = self.limit_radii(view, last=True)
-                settled = not (limited or coarse)  # otherwise further records may be missing
+            # further records may be missing between pixels with sums, or after a change of an old record's reach
+            settled = not (changing or self.limit_radii(view, old_too=True) or coarse)
             view = replace(view, pixel_stride=1)
-        gained = view.need.missing < view.before.missing or view.need.holes < view.before.holes
-        view = replace(
-            view,
-            phase=Phase.SETTLED if settled else Phase.FILL,
-            rounds=view.rounds + 1,
-            stalled_rounds=0 if gained else view.stalled_rounds + 1,
-            before=view.need,
-        )
-        return view, new, new > 0 or settled
+        stalled = 0 if gained else view.stalled_rounds + 1
+        return replace(view, settled=settled, rounds=view.rounds + 1, stalled_rounds=stalled, before=view.missing), new
+
+    def _request(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> ViewState:
+        """Return the view with the queue of a new round, or with its spot check advanced within the budget."""
+        if self.cache.count < self._checked:  # requested records were not gathered: their places are checked again
+            self._checked = 0
+        if view.check is None or self._changing:
+            view = self._select(replace(view, check=None), screen)
+        if view.queue is None and not (view.checked or self._changing or view.pixel_stride > 1):
+            view = self._check(view, screen, shadows, budget)
+        return view
 
     def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:
         """Return the places of a view, or of the part that `camera` draws, for a spot check, see SpotPass."""
@@ -314,34 +272,39 @@ class RecordScheduler(Owner):
         """The free number of records without eviction."""
         return max(self.settings.max_records - self.cache.count, 0)
 
-    def _select(self, view: ViewState, screen: Screen, side: int) -> ViewState:
-        """Return the view with its present need, and the queue of a new round, coarse to fine; None without a request."""
+    def _select(self, view: ViewState, screen: Screen) -> ViewState:
+        """Return the view with its present coverage, and the queue of a new round, coarse to fine; None without a request."""
         settings = replace(self.settings, spread=0.0) if self._changing else self.settings
-        (found, need), step = self._examination(screen, settings), view.step
+        (view, found), step = self.examine(view, screen, settings), view.step
+        # a quarter of the tiles requests a record if only every other pixel is examined
+        requests = int(np.count_nonzero(found.requests)) * view.pixel_stride**2
         reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles
         while True:  # the next field of the chessboard follows a field without requests
-            width, colour = chessboard(step, reach, need.requests)
+            width, colour = chessboard(step, reach, requests)
             tiles = choose(found.requests, width, colour, settings.seed + step)
-            step += need.requests > 0  # an examination without requests is no step: small ticks may repeat it
-            if len(tiles[0]) or not need.requests:
+            step += requests > 0  # an examination without requests is no step: small ticks may repeat it
+            if len(tiles[0]) or not requests:
                 break
         sites = found.at(tiles)
-        room = self.room if side else self._room(len(sites), screen)
+        room = self.room if view.side else self._room(len(sites), screen)
         queue = sites[:room] if len(sites) and room else None
-        return replace(view, need=need, step=step, queue=queue, near=colour < 0, full=room < len(sites))
+        return replace(view, step=step, queue=queue, near=colour < 0, full=room < len(sites))
 
     def _scan(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> tuple[ViewState, int, bool]:
-        """Gather by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
+        """Gather by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU.
+
+        Return the view, the number of new records, and True if the traversal waits for the next frame.
+        """
         scan, gbuffer, splats = view.scan, screen.gbuffer, screen.splats
         assert gbuffer is not None and splats is not None  # the scan draws whole views alone
         if scan is None:
             with self.timers("gbuffer"):
                 scan = Scan(read_back(gbuffer), self.settings.warmup if self.cache.count else 0)
         self.gatherer.restore_surface(shadows, budget)
-        room, of = self._room(1, screen), (screen.sums, self.settings.request_criteria)
-        view = replace(view, scan=scan, full=not room)
+        room = self._room(1, screen)
+        view, _ = self.examine(replace(view, scan=scan, full=not room), screen)
         if not room:
-            return replace(view, need=self.need(screen)), 0, True
+            return view, 0, False
         gather, light = self.gatherer.gather_pass(), self.gatherer.light(shadows)
 
         def record(site: Sites) -> np.ndarray:
@@ -352,7 +315,7 @@ class RecordScheduler(Owner):
             sites, values, missing, complete = scan.advance(weight, record, room, budget, screen.camera, self.settings)
         if len(sites):
             self.cache.append(screen.requested(sites), values)
-        return replace(view, need=Need(missing, of=of)), len(sites), complete
+        return replace(view, missing=missing), len(sites), not complete
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
 

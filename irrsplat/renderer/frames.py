@@ -30,7 +30,7 @@ from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
 from irrsplat.indirect.hole_filling import CELLS, HoleFilling, HoleLight
 from irrsplat.indirect.refinement import Refiner
-from irrsplat.indirect.scheduler import Need, Phase, RecordScheduler, ViewState
+from irrsplat.indirect.scheduler import RecordScheduler, ViewState
 from irrsplat.indirect.splat import first_stride
 from irrsplat.lighting.light_table import unshadowed_luminance
 from irrsplat.renderer.stages import Stages
@@ -159,7 +159,7 @@ class Frames(Owner):
         if stages is self.small:
             view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera
 
-        idle = (view.phase is Phase.SETTLED or view.coverage == 1.0) and not len(cache.stale)
+        idle = (view.settled or view.coverage == 1.0) and not len(cache.stale)
         dark, renewed = gatherer.surface_now is None, 0
         ready = gather and bounces and gatherer.prepare(shadows, budget.part(1.0, reserve), idle)
         if dark and gatherer.surface_now is not None and budget.limited and budget.left <= 0.0:
@@ -176,7 +176,7 @@ class Frames(Owner):
             return replace(state, view=view), Round(camera, shadows, gbuffer, shown, progress)
 
         start = now()
-        view, _ = scheduler.limit_radii(view)
+        scheduler.limit_radii(view)
         if view.stalled and view.pixel_stride > 1:
             view = replace(view, pixel_stride=1, stalled_rounds=0)
         screen = self._screen(state, camera, view.pixel_stride, stages)  # 2.2
@@ -190,17 +190,18 @@ class Frames(Owner):
             view = replace(view, holes=None)
         first = not (cache.count or scheduler.hole_probes.cache.count)
         if not bounces:
-            view = replace(view, need=Need(missing=0.0))
+            view = replace(view, missing=0.0)
         elif not ready or view.stalled:  # records wait for their light, or rounds gain no coverage
             # the last round of a stalled view may have covered all pixels; the first record comes before any examination
-            if view.need.of != of and (cache.count or not gather):
-                view = replace(view, need=scheduler.need(screen))
+            if view.examined != of and (cache.count or not gather):
+                view, _ = scheduler.examine(view, screen)
             complete = ready if gather else view.pixel_stride == 1
             if not gather:
                 view = replace(view, pixel_stride=1)
         elif not view.ended(of):  # 2.3 and 2.1
             part = budget.part(1.0 - _HOLES if probing and view.lacks_probes else 1.0, later)
-            view, new, complete = scheduler.gather_missing(view, screen, shadows, part)
+            view, new = scheduler.gather_missing(view, screen, shadows, part)
+            complete = view.settled
         if probing and view.lacks_probes:
             filling = stages.hole_filling(state)
             least = CELLS // 2 if first else 0  # probes in half of the cells make a first picture
@@ -224,7 +225,7 @@ class Frames(Owner):
             return view
         # coarse splats are interpolated between pixels, which loses the detail of normal maps
         whole = any(run.appearance.normal is not None for run in self.stages.world.runs)
-        return ViewState(subject, 1 if whole else first_stride(state.settings, state.size))
+        return ViewState(subject, pixel_stride=1 if whole else first_stride(state.settings, state.size))
 
     def _screen(self, state: State, camera: Camera, stride: int, stages: Stages) -> Screen:
         """Return the view for the examination, with the splats of all records at every `stride`-th pixel."""
@@ -297,7 +298,7 @@ class Frames(Owner):
         if self.refines and (refiner.broken or not self._is_unchanged(camera)):
             refiner.leave()
         if not self.refines:
-            ended = state.view.stalled or state.view.phase is Phase.SETTLED
+            ended = state.view.stalled or state.view.settled
             shown = self.view_state(state, camera) is state.view and ended and state.view.pixel_stride == 1
             if not shown or not self.can_refine:
                 return self.frame(camera, seconds)
@@ -348,7 +349,7 @@ class Frames(Owner):
         if view.subject[1:] != self.state.view_subject:
             return view
         subject = view.subject[0], *replace(self.state, scene=after.scene).view_subject
-        return replace(view, subject=subject, phase=Phase.START, stalled_rounds=0, need=view.need._replace(of=()))
+        return replace(view, subject=subject, settled=False, stalled_rounds=0, examined=())
 
     def forget(self, shadows: bool) -> None:
         """Draw every buffer of the view again next time; the shadow maps only with `shadows`."""

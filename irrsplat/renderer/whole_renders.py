@@ -67,8 +67,7 @@ def _until_complete(frames: Frames, camera: Camera, progress: OnRound | None, st
         stats["interrupted"] = True
         cache.truncate(complete - cache.evicted)
     if done is None or not stats["converged"]:  # the records of the last round are still to be splatted
-        view, _ = frames.scheduler.limit_radii(frames.view_state(frames.state, camera), last=True)
-        frames.state = replace(frames.state, view=view)
+        frames.scheduler.limit_radii(frames.state.view, old_too=True)
         frames.state, done = frames.round(frames.state, camera, Budget(None), gather=False)
         stats["coverage"] = done.progress.coverage
     return done
