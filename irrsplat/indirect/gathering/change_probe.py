@@ -80,7 +80,7 @@ def apply_probes(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, rad
     if known.any():
         there = numbers[known]
         _set_columns(cache, there, correction(columns_of(cache, there), before[known], found[known]), radii)
-    probe[numbers], cache.column("due")[numbers] = found, 0.0
+    probe[numbers] = found
     return np.asarray(numbers[drift[numbers] > MAX_DRIFT])
 
 

@@ -318,6 +318,7 @@ class RecordGatherer(Owner):
         changed = apply_probes(cache, numbers[: len(found)], found, self.gather_pass().radii)
         if len(changed):  # the age of stale records is a factor of their priority
             cache.invalidate(changed)
+        due[numbers[: len(found)]] = 0.0  # not before: after an interruption, these records are probed again
         if len(found) == len(numbers):
             self.basis = replace(self.basis, moved=False)
 
