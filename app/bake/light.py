@@ -73,10 +73,10 @@ class PlaceLight(Tenant):
             for _ in range(MOST_ROUNDS):
                 scheduler.limit_radii(view)
                 sums = splats.update(self.cache)
-                if view.ended((sums, settings.request_criteria)):
-                    break
                 screen = scheduler.screen(drawn.gbuffer, sums, camera)
                 view, _ = scheduler.gather_missing(view, screen, self.lit.shadows, budget)
+                if scheduler.ended(view, screen):
+                    break
                 if on_bake is not None:
                     on_bake(view.coverage, f"{self.cache.count - before} records")
             splats.update(self.cache)

@@ -217,15 +217,13 @@ class Refiner(Owner):
 
     def _fill(self, camera: Camera, number: int, reach: moderngl.Texture, side: int) -> Steps[bool]:
         """Make records where the next step lacks some, and show its picture. Return False at the limit of records."""
-        fill, settings = ViewState(side=side, checked=True), self.scheduler.settings
+        fill = ViewState(side=side, checked=True)
         while True:
             self.scheduler.limit_radii(fill)
             splats = yield from self._splatted(camera, number, reach)
-            of = splats, settings.request_criteria
-            if not fill.ended(of):
-                screen = self.scheduler.screen(self._gbuffer, splats, camera)
-                fill, *_ = self.scheduler.gather_missing(fill, screen, self._shadows, self._budget)
-            if fill.ended(of):
+            screen = self.scheduler.screen(self._gbuffer, splats, camera)
+            fill, _ = self.scheduler.gather_missing(fill, screen, self._shadows, self._budget)
+            if self.scheduler.ended(fill, screen):
                 self.splats = splats
                 yield
                 return True

@@ -87,10 +87,6 @@ class ViewState:
         """True if rounds no longer gain coverage: the remaining requests cannot be met."""
         return self.stalled_rounds >= GIVE_UP
 
-    def ended(self, examined: tuple[object, ...]) -> bool:
-        """True if these sums and criteria leave no request, or only requests that no record can satisfy."""
-        return self.stalled or (self.settled and self.examined == examined)
-
 
 class RecordScheduler(Owner):
     """Scheduler that fills the `cache` for a view: stale records first, then pixels that no record covers."""
@@ -105,7 +101,7 @@ class RecordScheduler(Owner):
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
         self.gatherer = self.own(RecordGatherer(world, settings, cache, timers))
         self.adaptation = self.own(AdaptiveRadius(world.ctx, cache, timers))
-        self.examined, self.refresh_order = self.own(ExaminePass(world.ctx)), self.own(RefreshOrder(world.ctx))
+        self.examine_pass, self.refresh_order = self.own(ExaminePass(world.ctx)), self.own(RefreshOrder(world.ctx))
         self.hole_probes = self.own(HoleProbes(world.ctx))
         self._passes = self.own(Workshop())
         self._checked = 0  # number of records at the last spot check, including requested ones
@@ -154,7 +150,7 @@ class RecordScheduler(Owner):
 
     def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
         """Return a view that is drawn whole, for the examination."""
-        examine, spots = partial(self.examined, gbuffer, splats), partial(self.spots, gbuffer, splats, camera)
+        examine, spots = partial(self.examine_pass, gbuffer, splats), partial(self.spots, gbuffer, splats, camera)
         return Screen(camera, gbuffer.position.size, splats.pixel_stride, splats, examine, spots, gbuffer, splats)
 
     @property
@@ -162,11 +158,23 @@ class RecordScheduler(Owner):
         """True while records may be stale or are provisional: their variance and difference from probes have no meaning."""
         return self.cache.waiting > 0 or self.gatherer.provisional
 
-    def examine(self, view: ViewState, screen: Screen, settings: Settings | None = None) -> tuple[ViewState, Examination]:
-        """Return the view with its present coverage, and its examination by these settings, default: the present ones."""
+    def ended(self, view: ViewState, screen: Screen) -> bool:
+        """True if the view requests no record, or only records that it cannot get."""
+        return view.stalled or (view.settled and view.examined == self._inputs(screen))
+
+    def examined(self, view: ViewState, screen: Screen) -> ViewState:
+        """Return the view with its present coverage."""
+        return view if view.examined == self._inputs(screen) else self._examine(view, screen, self.settings)[0]
+
+    def _inputs(self, screen: Screen) -> tuple[object, ...]:
+        """Return all inputs of an examination."""
+        return screen.sums, self.settings.request_criteria
+
+    def _examine(self, view: ViewState, screen: Screen, settings: Settings) -> tuple[ViewState, Examination]:
+        """Return the view with its present coverage, and its examination by these settings."""
         with self.timers("examine"):
-            found = screen.examine(settings or self.settings)
-        return replace(view, missing=found.missing, examined=(screen.sums, self.settings.request_criteria)), found
+            found = screen.examine(settings)
+        return replace(view, missing=found.missing, examined=self._inputs(screen)), found
 
     def gather_missing(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> tuple[ViewState, int]:
         """Gather records that the view requests, within the budget. Return the view, and the number of new records.
@@ -174,6 +182,8 @@ class RecordScheduler(Owner):
         Further work waits until no tile requests a record: the spot check, then the reach of old records. Both may make tiles
         request records again.
         """
+        if self.ended(view, screen):  # the last round of a stalled view may have covered all pixels
+            return self.examined(view, screen), 0
         changing, coarse, new = self._changing, view.pixel_stride > 1, 0
         if self.settings.placement == "scan":
             view, new, waits = self._scan(view, screen, shadows, budget)
@@ -275,7 +285,7 @@ class RecordScheduler(Owner):
     def _select(self, view: ViewState, screen: Screen) -> ViewState:
         """Return the view with its present coverage, and the queue of a new round, coarse to fine; None without a request."""
         settings = replace(self.settings, spread=0.0) if self._changing else self.settings
-        (view, found), step = self.examine(view, screen, settings), view.step
+        (view, found), step = self._examine(view, screen, settings), view.step
         # a quarter of the tiles requests a record if only every other pixel is examined
         requests = int(np.count_nonzero(found.requests)) * view.pixel_stride**2
         reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles
@@ -302,7 +312,7 @@ class RecordScheduler(Owner):
                 scan = Scan(read_back(gbuffer), self.settings.warmup if self.cache.count else 0)
         self.gatherer.restore_surface(shadows, budget)
         room = self._room(1, screen)
-        view, _ = self.examine(replace(view, scan=scan, full=not room), screen)
+        view = self.examined(replace(view, scan=scan, full=not room), screen)
         if not room:
             return view, 0, False
         gather, light = self.gatherer.gather_pass(), self.gatherer.light(shadows)

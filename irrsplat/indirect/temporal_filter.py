@@ -24,8 +24,7 @@ class _Shown:
     """The last picture.
 
     target: its irradiance, and facing_of its normals. subject: all its inputs. scene: objects that differ after a change of the
-    scene. left: number of pictures until accumulation has converged. dimming: factors per channel by which all light has
-    changed since.
+    scene. left: number of pictures until accumulation has converged.
     """
 
     target: Target
@@ -33,7 +32,6 @@ class _Shown:
     subject: object
     scene: tuple[object, ...]
     left: int
-    dimming: tuple[float, ...] = (1.0, 1.0, 1.0)
 
 
 class TemporalFilter(Owner):
@@ -51,11 +49,6 @@ class TemporalFilter(Owner):
     def forget(self) -> None:
         """Show the records' sums alone in the next picture."""
         self._shown = None
-
-    def dim(self, factor: np.ndarray) -> None:
-        """Scale the light of the last picture by `factor`, (3,)."""
-        if self._shown is not None:
-            self._shown = replace(self._shown, dimming=tuple((np.array(self._shown.dimming) * factor).tolist()))
 
     def left(self, subject: object) -> int:
         """Return the number of pictures after the next one until accumulation has converged. subject: all their inputs."""
@@ -122,7 +115,6 @@ class TemporalFilter(Owner):
         return {
             "shown": irradiance,
             "shown_facing": facing,
-            "dimming": shown.dimming,
             "clip_from_world": camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             "shown_place": (*scale.tolist(), *offset.tolist()),
         }

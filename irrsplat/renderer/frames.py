@@ -75,29 +75,24 @@ class Frames(Owner):
         if moving and self.divisor > 1:
             return self._smaller_frame(camera, budget, gather)
         other = (camera,) != self.state.view.subject[:1]
-        dark = budget.limited and self.scheduler.gatherer.awaits_light and not self.cache.count
-        shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
+        shown = self._waiting_picture(camera) if gather and budget.limited else None
         self.state, done = self.round(self.state, camera, budget, gather, picture=shown is None)
         if budget.limited:
             self.ctx.finish()
-        bounced = self.scheduler.gatherer.surface_result
-        if shown is not None and not done.progress.still and shown.bounced is bounced:
-            return shown.view, replace(done.progress, accumulating=shown.view.accumulating)
+        if shown is not None and not done.progress.still:
+            return shown, replace(done.progress, accumulating=shown.accumulating)
         start = now()
-        accumulating = budget.limited and self.state.settings.placement != "scan"
+        accumulating, gatherer = budget.limited and self.state.settings.placement != "scan", self.scheduler.gatherer
         # the first light and the first records do not wait for exact shadows
-        filling = budget.limited and self.scheduler.gatherer.provisional and done.progress.coverage < 1.0
-        view = self.stages.draw_picture(  # 2.4, 2.5
-            self.state, done, accumulating, budget.limited, moving or dark or filling
-        )
+        first = done.progress.coverage < 1.0 and (gatherer.awaits_light or gatherer.provisional) and budget.limited
+        view = self.stages.draw_picture(self.state, done, accumulating, budget.limited, moving or first)  # 2.4, 2.5
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
             self.state = replace(self.state, picture_seconds=now() - start)
         if seconds is not None and other:
             took = self.state.splat_seconds + self.state.picture_seconds
             self._divisor = max(self._divisor, divisor_after(1, took, seconds))
-        subject = camera, *self.state.view_subject, self.state.settings
-        self.state = replace(self.state, shown=Shown(view, subject, bounced, now()))
+        self.state = replace(self.state, shown=Shown(view, self._inputs(camera), now()))
         return view, replace(done.progress, accumulating=view.accumulating)
 
     def _smaller_frame(self, camera: Camera, budget: Budget, gather: bool) -> tuple[View, Progress]:
@@ -148,10 +143,11 @@ class Frames(Owner):
         gather: False leaves the cache as it is. picture: True if time is reserved for a picture. stages: of the view's size;
         default: of whole views.
         """
-        scheduler, gatherer, cache = self.scheduler, self.scheduler.gatherer, self.cache
-        stages, later = stages or self.stages, state.picture_seconds if picture else 0.0
-        bounces, reserve = state.settings.most_bounces > 0, state.splat_seconds + later
-        scheduler.apply(state.settings, state.scene, self.stages.shadows(state))
+        scheduler, gatherer, cache, settings = self.scheduler, self.scheduler.gatherer, self.cache, state.settings
+        stages, bounces, dark = stages or self.stages, settings.most_bounces > 0, self.scheduler.gatherer.awaits_light
+        later = state.picture_seconds if picture else 0.0
+        reserve = state.splat_seconds + later if picture else 0.0
+        scheduler.apply(settings, state.scene, self.stages.shadows(state))
         stages.world.eyes = np.array([camera.eye])
         shadows = self.stages.draw_shadows(state)  # 3.3
         gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
@@ -160,20 +156,19 @@ class Frames(Owner):
             view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera
 
         idle = (view.settled or view.coverage == 1.0) and not len(cache.stale)
-        dark, renewed = gatherer.surface_now is None, 0
         ready = gather and bounces and gatherer.prepare(shadows, budget.part(1.0, reserve), idle)
-        if dark and gatherer.surface_now is not None and budget.limited and budget.left <= 0.0:
+        if dark and budget.left <= 0.0:
             ready = False  # the first light is shown at once: passes that gather records take a tenth of a second to make
-        if ready:  # 2.1, records whose light has changed
-            # half of the time while pixels without a record wait too
-            part = budget.part(1.0 if view.coverage == 1.0 else 0.5, reserve if picture else 0.0)
+        renewed = 0
+        if ready:  # 2.1, records whose light has changed; half of the time while pixels without a record wait too
+            part = budget.part(1.0 if view.coverage == 1.0 else 0.5, reserve)
             renewed = scheduler.refresh(shadows, gbuffer, camera, part)
         if renewed or len(cache.stale):
             view = replace(view, stalled_rounds=0)  # other light may end the stall
-        if renewed and not picture and len(cache.stale) and (shown := stages.splats(state).sums) is not None:
+        if not picture and len(cache.stale):
             # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
             progress = self.progress(view, renewed=renewed)
-            return replace(state, view=view), Round(camera, shadows, gbuffer, shown, progress)
+            return replace(state, view=view), Round(camera, shadows, gbuffer, stages.splats(state).sums, progress)
 
         start = now()
         scheduler.limit_radii(view)
@@ -184,34 +179,28 @@ class Frames(Owner):
             self.ctx.finish()
         state = replace(state, splat_seconds=now() - start)
 
-        of, new, complete = (screen.sums, state.settings.request_criteria), 0, True
-        probing = budget.limited and gather and bounces and state.settings.fill_holes and gatherer.may_probe_holes
-        if scheduler.hole_probes.follow(gatherer.surface_result, gatherer.basis.scene, state.settings.shadow_size):
+        probing = budget.limited and gather and bounces and settings.fill_holes and gatherer.may_probe_holes
+        if scheduler.hole_probes.follow(gatherer.surface_result, gatherer.basis.scene, settings.shadow_size):
             view = replace(view, holes=None)
         first = not (cache.count or scheduler.hole_probes.cache.count)
+        new, complete = 0, view.pixel_stride == 1
         if not bounces:
             view = replace(view, missing=0.0)
-        elif not ready or view.stalled:  # records wait for their light, or rounds gain no coverage
-            # the last round of a stalled view may have covered all pixels; the first record comes before any examination
-            if view.examined != of and (cache.count or not gather):
-                view, _ = scheduler.examine(view, screen)
-            complete = ready if gather else view.pixel_stride == 1
-            if not gather:
-                view = replace(view, pixel_stride=1)
-        elif not view.ended(of):  # 2.3 and 2.1
+        elif ready:  # 2.3 and 2.1
             part = budget.part(1.0 - _HOLES if probing and view.lacks_probes else 1.0, later)
             view, new = scheduler.gather_missing(view, screen, shadows, part)
-            complete = view.settled
+            complete = scheduler.ended(view, screen)
+        elif not gather:
+            view = scheduler.examined(replace(view, pixel_stride=1), screen)
+        else:  # records wait for their light; the first record comes before any examination
+            view, complete = scheduler.examined(view, screen) if cache.count else view, False
         if probing and view.lacks_probes:
             filling = stages.hole_filling(state)
-            least = CELLS // 2 if first else 0  # probes in half of the cells make a first picture
-            view = self._probe_holes(filling, view, screen, shadows, budget.part(1.0, later), least)
-        if new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
-            with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
-                screen = self._screen(state, camera, view.pixel_stride, stages)
+            view = self._probe_holes(filling, view, screen, shadows, budget.part(1.0, later), first)
         complete &= not (ready and idle and budget.limited and len(gatherer.unprobed))
-        progress = self.progress(view, new, complete, renewed)
-        return replace(state, view=view), Round(camera, shadows, gbuffer, screen.splats, progress)
+        return replace(state, view=view), Round(
+            camera, shadows, gbuffer, screen.splats, self.progress(view, new, complete, renewed)
+        )
 
     def frozen(self, camera: Camera) -> Round:
         """Return the round of a view by the present records: without a gather, and without temporal accumulation."""
@@ -236,17 +225,17 @@ class Frames(Owner):
         return self.scheduler.screen(gbuffer, splats, camera)
 
     def _probe_holes(
-        self, filling: HoleFilling, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, least: int
+        self, filling: HoleFilling, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, first: bool
     ) -> ViewState:
-        """Gather probes of a view's holes within the budget, and at least so many of them."""
+        """Gather probes of a view's holes within the budget. first: True for probes in half of the cells, for a first picture."""
         gatherer, probes, gbuffer, splats = self.scheduler.gatherer, self.scheduler.hole_probes, screen.gbuffer, screen.splats
         assert gbuffer is not None and splats is not None  # ticks draw whole views alone
         if (holes := view.holes) is None:
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 light = HoleLight(probes, gatherer.surface_uniforms, gatherer.provisional)
                 holes = filling.sites(gbuffer, splats, screen.camera, light)
-        holes = holes[gatherer.gather(holes[:least], shadows, Budget(None), LEAST_SIDE, probes=probes.cache) :]
-        return replace(view, holes=holes[gatherer.gather(holes, shadows, budget, LEAST_SIDE, probes=probes.cache) :])
+        some, budget = (holes[: CELLS // 2], Budget(None)) if first else (holes, budget)
+        return replace(view, holes=holes[gatherer.gather(some, shadows, budget, LEAST_SIDE, probes=probes.cache) :])
 
     def progress(self, view: ViewState, new: int = 0, complete: bool = True, renewed: int = 0) -> Progress:
         """Return the progress of a view by a round with so many `new` and `renewed` records. complete: True if no site waits."""
@@ -256,17 +245,21 @@ class Frames(Owner):
         shares = view.coverage, renewed, stale, complete, made, full
         return Progress(view.rounds, self.cache.count, new, *shares, error=refiner.error, refined=refiner.ended)
 
-    def _picture_may_wait(self, camera: Camera) -> bool:
-        """True if the last picture can stay for another frame: only new records differ, and drawing takes time from gathering."""
+    def _inputs(self, camera: Camera) -> tuple[object, ...]:
+        """Return all inputs of a picture except the records."""
+        return camera, *self.state.view_subject, self.state.settings, self.scheduler.gatherer.surface_result
+
+    def _waiting_picture(self, camera: Camera) -> View | None:
+        """Return the last picture if it can stay: only records differ, and drawing takes time from gathering."""
         state, shown = self.state, self.state.shown
-        subject = camera, *state.view_subject, state.settings
-        if shown is None or shown.subject != subject or self.stages.picture is not shown.view:
-            return False
+        if shown is None or shown.inputs != self._inputs(camera) or self.stages.picture is not shown.view:
+            return None
         splat, picture = state.splat_seconds, state.picture_seconds
         # gathering gets half of the time, and three quarters once probes have corrected all stale records
         share = 0.0 if not len(self.cache.stale) else 1.0 if self.scheduler.gatherer.basis.moved else 3.0
         least = share * (splat + picture)
-        return now() - shown.time < max(min(_PICTURE_SHARE * picture, _OLDEST_PICTURE), least)
+        waits = now() - shown.time < max(min(_PICTURE_SHARE * picture, _OLDEST_PICTURE), least)
+        return shown.view if waits else None
 
     def check_present(self, view: View) -> None:
         """Raise InputError for a view of an earlier camera or size, whose buffers hold another one."""
@@ -339,8 +332,7 @@ class Frames(Owner):
         dimming = self.scheduler.apply(state.settings, state.scene, self.stages.shadows(self.state)).dimming
         if dimming is not None:
             state = replace(state, view=self._dimmed_view(state))
-            if self.stages.temporal_filter is not None:
-                self.stages.temporal_filter.dim(dimming)
+            self.stages.forget_last_picture()
         self.state = state
 
     def _dimmed_view(self, after: State) -> ViewState:

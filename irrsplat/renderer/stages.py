@@ -62,14 +62,8 @@ class Stages(Owner):
         return self._passes.get(name, made_of, lambda: DirectPass(self.ctx, *made_of, irradiance))
 
     def _casting(self, state: State, hurried: bool = False) -> World | None:
-        """Return the world of shadow rays, see `shadow_caster`; None for a scene without lights.
-
-        hurried: True for None as long as the tree of rays is not built.
-        """
-        late = hurried and not self.world.has_tree and self.scheduler.gatherer.awaits_light  # its build would delay that light
-        if late or not state.scene.lights:
-            return None
-        return shadow_caster(self.world, state.settings, hurried)
+        """Return the world of shadow rays, see `shadow_caster`; None for a scene without lights."""
+        return shadow_caster(self.world, state.settings, hurried) if state.scene.lights else None
 
     def splats(self, state: State) -> ViewSplats:
         """Return the splat buffer of the present view."""
@@ -82,11 +76,6 @@ class Stages(Owner):
     def hole_filling(self, state: State) -> HoleFilling:
         """Return the passes that fill holes."""
         return self._passes.get("holes", state.size, lambda: HoleFilling(self.ctx, state.size))
-
-    @property
-    def temporal_filter(self) -> TemporalFilter | None:
-        """The temporal accumulation of irradiance; None before the first picture."""
-        return self._passes.find("temporal", TemporalFilter)
 
     # ---- the results -----------------------------------------------------------------------------------------------
 
@@ -244,6 +233,12 @@ class Stages(Owner):
         if shadows and shadow_pass is not None:
             shadow_pass.forget()
         splats = self._passes.find("splats", ViewSplats)
-        for kept in (splats, self.temporal_filter):
-            if kept is not None:
-                kept.forget()
+        if splats is not None:
+            splats.forget()
+        self.forget_last_picture()
+
+    def forget_last_picture(self) -> None:
+        """Blend the next picture with no earlier one."""
+        temporal_filter = self._passes.find("temporal", TemporalFilter)
+        if temporal_filter is not None:
+            temporal_filter.forget()

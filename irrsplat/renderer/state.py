@@ -9,19 +9,17 @@ from irrsplat.image.view import Progress, View
 from irrsplat.indirect.scheduler import ViewState
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.transport import BouncedLight
 
 
 @dataclass(frozen=True)
 class Shown:
     """The last picture.
 
-    subject: all its inputs except the records. bounced: the values of the surface cache in it. time: of its end, seconds.
+    inputs: all inputs except the records. time: of its end, seconds.
     """
 
     view: View
-    subject: tuple[object, ...]
-    bounced: BouncedLight | None
+    inputs: tuple[object, ...]
     time: float
 
 

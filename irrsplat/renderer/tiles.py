@@ -136,7 +136,7 @@ def _examined(stages: Stages, memo: Memo, state: State, camera: Camera, stride: 
         seen, (before, found) = part_of(camera, part), held.get(part, (0, None))
         if found is None or len(reaching(cache, before, seen, part.size, settings)):
             here = replace(state, size=part.size)
-            found = stages.scheduler.examined(*_splatted(stages, here, seen, stride), settings, part)
+            found = stages.scheduler.examine_pass(*_splatted(stages, here, seen, stride), settings, part)
         held[part] = count, found
         for name, values in vars(found).items():
             whole_of = whole.setdefault(name, np.zeros((*cells[::-1], *values.shape[2:]), values.dtype))

@@ -60,7 +60,11 @@ def _until_complete(frames: Frames, camera: Camera, progress: OnRound | None, st
             now = done.progress
             complete, ended = cache.count + cache.evicted, now.new == 0 and now.complete
             stats["rounds"] += 1
-            stats["coverage"], stats["full"], stats["converged"] = now.coverage, now.full, ended and not now.full
+            stats["coverage"], stats["full"], stats["converged"] = (
+                now.coverage,
+                now.full,
+                ended and not (now.full or frames.state.view.stalled),
+            )
             if progress is not None:
                 progress(now)
     except KeyboardInterrupt:

@@ -8,7 +8,6 @@ uniform sampler2D normal;
 uniform sampler2D sums;        // Σ k·E, Σ k
 uniform sampler2D shown;       // last picture: E/depth, 1/depth; 0 without irradiance; linearly filtered
 uniform sampler2D shown_facing;  // last picture: facing_of the normals; linearly filtered
-uniform vec3 dimming;          // factors by which all light has changed since the last picture
 uniform mat4 clip_from_world;  // camera of the last picture
 uniform vec4 shown_place;      // scale (xy) and offset (zw) from normalised device coordinates to `shown`
 uniform int pixel_stride;      // pixels of the g-buffer per pixel of the sums, in x and y
@@ -35,7 +34,7 @@ void main()
     // exposure meters black surfaces as soon as they have a little light: a share of the last light would never be 0
     bool black = s.a > 0.0 && s.rgb == vec3(0.0);
     bool reprojected = accumulating && p.w > 0.0 && matches && uv == clamp(uv, 0.0, 1.0) && !black;
-    vec3 E = s.rgb / max(s.a, 1e-20), E_last = dimming * last.rgb / max(last.a, 1e-20);
+    vec3 E = s.rgb / max(s.a, 1e-20), E_last = last.rgb / max(last.a, 1e-20);
     E = s.a > 0.0 ? (reprojected ? mix(E_last, E, share) : E) : E_last;
     bool has_light = p.w > 0.0 && (s.a > 0.0 || reprojected && kept);
     out_sums = has_light ? vec4(E, 1.0) / p.w : vec4(0.0);
