@@ -34,6 +34,7 @@ from irrsplat.indirect.scheduler import RecordScheduler, ViewState
 from irrsplat.indirect.splat import ViewSplats
 from irrsplat.scene.model import Camera
 from irrsplat.settings import SETTINGS
+from irrsplat.surface_cache.transport import BouncedLight
 
 _STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
 _BETWEEN = 0.3  # of a squared error: the share of surface cache or records, above which these are refined further
@@ -60,16 +61,16 @@ class Refiner(Owner):
         self.error: float | None = None
         self.ended = self.broken = False
         self._buffers = self.own(Workshop())  # sums and reach of the displayed and of the next picture
-        self._surface_error: tuple[int, float] | None = None  # of E in W/m², by the level of the surface cache
+        self._surface_error: tuple[BouncedLight | None, float] = None, 0.0  # of E in W/m², by these values of the surface cache
         self._steps: Iterator[None] = iter(())  # of the present view
         self._base: tuple[int, np.ndarray, int] = 0, np.zeros(0), 0  # of the cache before: records, limits, records compared
 
     def begin(self, splats: SplatBuffer, camera: Camera) -> None:
         """Refine a view that is covered by records whose sums are `splats`."""
-        cache, self.size = self.cache, splats.sums.size
+        cache, self.size, self._camera = self.cache, splats.sums.size, camera
         self._base = cache.count, cache.limits(cache.count).copy(), self.scheduler.adaptation.compared
         self.splats, self.error, self.ended, self.broken = splats, None, False, False
-        self._steps = self._refined(camera)
+        self._steps = self._refined()
 
     def leave(self) -> None:
         """Remove the records of the refinement; all other records regain their reach, and keep their values."""
@@ -101,21 +102,18 @@ class Refiner(Owner):
             self.broken = True
             raise
 
-    def _refined(self, camera: Camera) -> Steps[None]:
+    def _refined(self) -> Steps[None]:
         """Refine a view in steps; pause after each part: some pixels tested, some records gathered more finely, some new ones."""
         scheduler, cache, gatherer = self.scheduler, self.cache, self.scheduler.gatherer
-        levels, doublings, number = np.zeros(self.size[::-1], "f4"), 0, 0
+        levels, doublings, number, reach = np.zeros(self.size[::-1], "f4"), 0, 0, None
         gatherer.restore_surface(self._shadows, self._budget)  # else tests would lack its light
-        surface, known, reach = gatherer.surface_now, self._surface_error, None
-        if surface is not None and known is not None and surface.refinements and surface.refinements == known[0]:
-            surface_error = known[1]  # a view before has refined the surface cache
-        else:
-            surface_error = yield from self._light(camera, 0.0, number, reach)
+        if gatherer.surface_result is not self._surface_error[0]:  # else a view before has refined the surface cache
+            yield from self._light(number, reach)
         for step in range(LAST + 1):
-            tests = yield from self._test(camera, step, doublings)
+            tests = yield from self._test(step, doublings)
             if tests is None:
                 return
-            error, noise = tests.squares
+            (error, noise), surface_error = tests.squares, self._surface_error[1]
             of_records = math.sqrt(max(error - noise, _LEAST * error))
             off = math.hypot(of_records, surface_error)
             aim = max(self._target * tests.mean, off / _AIM)
@@ -130,7 +128,7 @@ class Refiner(Owner):
             if step == LAST:
                 return
             if surface_error**2 > _BETWEEN * aim**2:
-                surface_error = yield from self._light(camera, surface_error, number, reach)
+                yield from self._light(number, reach)
             more = yield from in_background(partial(_finer_by, tests.uncertainty))
             levels, number = np.minimum(levels + more, _MOST).astype("f4"), 1 - number
             reach = self._buffers.get(f"reach {number}", self.size, lambda: float_texture(self.world.ctx, self.size, 1))
@@ -139,62 +137,58 @@ class Refiner(Owner):
             self._sums(number).forget()
             side, sizes = self._side(doublings), cache.column("gather_size")
             coarse = np.where(sizes > 0, sizes, self._side(0)) < side
-            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._gbuffer, camera) > 0.0))
+            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._gbuffer, self._camera) > 0.0))
             yield
-            yield from self._regathered(left, side)
-            if not (yield from self._fill(camera, number, reach, side)):
-                return
+            yield from self._gathered(left, side)
+            yield from self._fill(number, reach, side)
 
     def _side(self, doublings: int) -> int:
         """Return the side of a gather after so many doublings of the settings' side."""
         least = self.scheduler.settings.gather_size
         return int(min(least * 2**doublings, SETTINGS["gather_size"].high or least))
 
-    def _regathered(self, numbers: np.ndarray, side: int) -> Steps[None]:
-        """Gather the records of these numbers again along side² rays; pause after each part."""
-        while len(numbers):
-            numbers = numbers[self.scheduler.gatherer.gather(numbers, self._shadows, self._budget, side) :]
+    def _gathered(self, at: Sites | np.ndarray, side: int) -> Steps[None]:
+        """Gather new records at sites, or those of these numbers again, along side² rays; pause after each part."""
+        while len(at):
+            at = at[self.scheduler.gatherer.gather(at, self._shadows, self._budget, side) :]
             yield
 
     def _sums(self, number: int) -> ViewSplats:
         """Return the splat buffer of the displayed or of the next picture."""
         return self._buffers.get(f"sums {number}", self.size, lambda: ViewSplats(self.world, self.size, self.timers))
 
-    def _splatted(self, camera: Camera, number: int, reach: moderngl.Texture | None) -> Steps[SplatBuffer]:
+    def _splatted(self, number: int, reach: moderngl.Texture | None) -> Steps[SplatBuffer]:
         """Return the sums of all records in one of the two buffers; pause while input waits."""
         while True:
             try:
-                return self._sums(number).update(self.cache, self._gbuffer, camera, self.scheduler.settings, 1, reach)
+                return self._sums(number).update(self.cache, self._gbuffer, self._camera, self.scheduler.settings, 1, reach)
             except InputWaits:
                 yield
 
-    def _light(self, camera: Camera, known: float, number: int, reach: moderngl.Texture | None) -> Steps[float]:
-        """Refine the surface cache, gather the records again by it, and return the estimated remaining error of E, W/m².
+    def _light(self, number: int, reach: moderngl.Texture | None) -> Steps[None]:
+        """Refine the surface cache, gather the records again by it, and estimate the remaining error of E.
 
-        known: its present error. number, reach: of the picture on show.
+        number, reach: of the picture on show.
         """
         gatherer, cache = self.scheduler.gatherer, self.cache
         surface = gatherer.surface_now
         if surface is None or not surface.may_refine:
-            yield
-            return known
+            return
         while not surface.refine(self._shadows, self._budget):
             yield
         yield
         before, sizes = cache.values[:, :3], cache.column("gather_size").copy()
         for side in np.unique(sizes).tolist():
-            yield from self._regathered(np.flatnonzero(sizes == side), side)
+            yield from self._gathered(np.flatnonzero(sizes == side), side)
         changes = cache.values[:, :3].astype(float) - before  # along equal rays: of the light alone
-        pixels_covered = self.scheduler.pixels_covered(self._gbuffer, camera)[:, None]
+        pixels_covered = self.scheduler.pixels_covered(self._gbuffer, self._camera)[:, None]
         weights = pixels_covered / max(float(pixels_covered.sum()), 1e-20)
-        error = _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))
-        self._surface_error = surface.refinements, error
+        self._surface_error = surface.result, _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))
         self.scheduler.limit_radii(ViewState())  # the last test's records are new
-        self.splats = yield from self._splatted(camera, number, reach)
+        self.splats = yield from self._splatted(number, reach)
         yield
-        return error
 
-    def _test(self, camera: Camera, step: int, doublings: int) -> Steps[_Tests | None]:
+    def _test(self, step: int, doublings: int) -> Steps[_Tests | None]:
         """Gather at random pixels, as finely as the records of the picture. Return None without pixels."""
         cache, seen = self.cache, read_back(self._gbuffer)
         assert self.splats is not None
@@ -204,32 +198,28 @@ class Refiner(Owner):
         seed, off = (self.scheduler.settings.seed, step), SMOOTH_OFF * self.world.scene.diagonal
         sums, weight = pixels(self.splats.sums), pixels(self.splats.weight)
         tests = yield from in_background(partial(_drawn, seen, sums, weight, seed, off))  # a large view takes long
-        first, done = cache.count, 0
-        sites = replace(tests.sites, screen=camera.measure_at(tests.sites.position, self.size))
+        first, sites = cache.count, tests.sites
         yield
-        while done < len(sites):
-            done += self.scheduler.gatherer.gather(sites[done:], self._shadows, self._budget, self._side(doublings))
-            yield
+        screen = self._camera.measure_at(sites.position, self.size)
+        yield from self._gathered(replace(sites, screen=screen), self._side(doublings))
         gathered, noise = cache.values[first:, :3].astype(float), cache.records.read("noise")["noise"][first:]
         if not self.scheduler.settings.gradients:  # records without derivatives do not estimate their noise
             noise = np.full(len(sites), _TYPICAL / self._side(doublings))
         return tests._replace(gathered=gathered, noise=noise[:, None] * gathered)
 
-    def _fill(self, camera: Camera, number: int, reach: moderngl.Texture, side: int) -> Steps[bool]:
-        """Make records where the next step lacks some, and show its picture. Return False at the limit of records."""
+    def _fill(self, number: int, reach: moderngl.Texture, side: int) -> Steps[None]:
+        """Make records where the next step lacks some, and show its picture."""
         fill = ViewState(side=side, checked=True)
         while True:
             self.scheduler.limit_radii(fill)
-            splats = yield from self._splatted(camera, number, reach)
-            screen = self.scheduler.screen(self._gbuffer, splats, camera)
+            splats = yield from self._splatted(number, reach)
+            screen = self.scheduler.screen(self._gbuffer, splats, self._camera)
             fill, _ = self.scheduler.gather_missing(fill, screen, self._shadows, self._budget)
             if self.scheduler.ended(fill, screen):
-                self.splats = splats
-                yield
-                return True
-            if fill.full:
-                return False
+                break
             yield
+        self.splats = splats
+        yield
 
 
 class _Tests(NamedTuple):
