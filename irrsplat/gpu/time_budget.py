@@ -14,6 +14,7 @@ from irrsplat.core.timing.input_waits import input_waits, interruptible
 
 Result = TypeVar("Result")
 
+HALF = 0.5  # of a budget: for each kind of work before another kind that waits
 _GATHER_SHARE = 0.2  # of a frame: the least share of gathering, so that a view refines even if other stages are slow
 _STEP_RAYS = 262_144  # rays of the largest first batch of a frame; each further batch has at most four times as many items more
 _STEP = 64  # items of that batch at least

@@ -21,7 +21,7 @@ from irrsplat.core.timing.input_waits import checked_by, never
 from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gpu.context import is_gone
 from irrsplat.gpu.resource import Owner
-from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.time_budget import HALF, Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.composite import CompositePass
@@ -40,7 +40,6 @@ from irrsplat.scene.model import Camera
 from irrsplat.scene.model.checks import check_type
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
-_HOLES = 0.2  # of a tick: share for probes of holes, besides records
 _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
 _SMALLEST = 4  # the largest divisor of width and height of a moving camera's view
 _DRAWN = 0.8  # greatest share of a tick for drawing while the camera moves; the gather has the remaining time
@@ -79,8 +78,8 @@ class Frames(Owner):
         self.state, done = self.round(self.state, camera, budget, gather, picture=shown is None)
         if budget.limited:
             self.ctx.finish()
-        if shown is not None and not done.progress.still:
-            return shown, replace(done.progress, accumulating=shown.accumulating)
+        if shown is not None and not done.progress.still and shown.inputs == self._inputs(camera):
+            return shown.view, replace(done.progress, accumulating=shown.view.accumulating)
         start = now()
         accumulating, gatherer = budget.limited and self.state.settings.placement != "scan", self.scheduler.gatherer
         # the first light and the first records do not wait for exact shadows
@@ -160,8 +159,8 @@ class Frames(Owner):
         if dark and budget.left <= 0.0:
             ready = False  # the first light is shown at once: passes that gather records take a tenth of a second to make
         renewed = 0
-        if ready:  # 2.1, records whose light has changed; half of the time while pixels without a record wait too
-            part = budget.part(1.0 if view.coverage == 1.0 else 0.5, reserve)
+        if ready:  # 2.1, records whose light has changed, before pixels without a record
+            part = budget.part(1.0 if view.coverage == 1.0 else HALF, reserve)
             renewed = scheduler.refresh(shadows, gbuffer, camera, part)
         if renewed or len(cache.stale):
             view = replace(view, stalled_rounds=0)  # other light may end the stall
@@ -187,7 +186,7 @@ class Frames(Owner):
         if not bounces:
             view = replace(view, missing=0.0)
         elif ready:  # 2.3 and 2.1
-            part = budget.part(1.0 - _HOLES if probing and view.lacks_probes else 1.0, later)
+            part = budget.part(HALF if probing and view.lacks_probes else 1.0, later)
             view, new = scheduler.gather_missing(view, screen, shadows, part)
             complete = scheduler.ended(view, screen)
         elif not gather:
@@ -249,7 +248,7 @@ class Frames(Owner):
         """Return all inputs of a picture except the records."""
         return camera, *self.state.view_subject, self.state.settings, self.scheduler.gatherer.surface_result
 
-    def _waiting_picture(self, camera: Camera) -> View | None:
+    def _waiting_picture(self, camera: Camera) -> Shown | None:
         """Return the last picture if it can stay: only records differ, and drawing takes time from gathering."""
         state, shown = self.state, self.state.shown
         if shown is None or shown.inputs != self._inputs(camera) or self.stages.picture is not shown.view:
@@ -259,7 +258,7 @@ class Frames(Owner):
         share = 0.0 if not len(self.cache.stale) else 1.0 if self.scheduler.gatherer.basis.moved else 3.0
         least = share * (splat + picture)
         waits = now() - shown.time < max(min(_PICTURE_SHARE * picture, _OLDEST_PICTURE), least)
-        return shown.view if waits else None
+        return shown if waits else None
 
     def check_present(self, view: View) -> None:
         """Raise InputError for a view of an earlier camera or size, whose buffers hold another one."""

@@ -15,7 +15,7 @@ from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.record_frame import FEW_RAYS
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Workshop
-from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.time_budget import HALF, Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.change_probe import SIDE, adopt_probes, apply_probes, columns_of, scale_by_surface
@@ -34,7 +34,6 @@ _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
-_SHARE = 0.35  # of a tick, for probes after a change, and for the surface cache while records are gathered by its last values
 
 
 @dataclass(frozen=True)
@@ -262,9 +261,9 @@ class RecordGatherer(Owner):
             self.world.prebuild(self._needs_tree)
         ready = self._advance(shadows, budget, idle)
         if ready and self.basis.moved:
-            self._probe_changed(shadows, budget.part(0.5, 0.0, _SHARE))
+            self._probe_changed(shadows, budget.part(HALF, 0.0, HALF))
         elif ready and idle and budget.limited:  # else the first change of the scene waits for all probes
-            self._probe_new(shadows, budget.part(0.5, 0.0, _SHARE))
+            self._probe_new(shadows, budget.part(HALF, 0.0))
         return ready
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
@@ -285,7 +284,7 @@ class RecordGatherer(Owner):
         follows = budget.limited and not first and not surface.level.complete and len(sites) and sites.triangle is not None
         before, follower = surface.at(sites) if follows else None, surface.in_use.follower
         followed = follower is not None and not follower.is_rough
-        part = budget if idle or not surface.current else budget.part(_SHARE, 0.0)
+        part = budget if idle or not surface.current else budget.part(HALF, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         # the full level, with virtual lights, waits while coarse values are of the present light
         waits = budget.limited and coarse and surface.in_use.complete and (self._without_tree or first_records)
