@@ -8,7 +8,7 @@ lead to probes with more and more rays before a record is requested.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import moderngl
 import numpy as np
@@ -73,10 +73,10 @@ class Spots:
 
 
 class SpotPass(Owner):
-    """Pass that selects the probed positions in views of `size` (width, height): one pixel per square of pixels."""
+    """Pass that selects the probed positions in views: one pixel per square of pixels."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.ctx, self.size = ctx, size
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
         self.program = self.own(Program(ctx, "indirect/spots", "lib/fullscreen", {"MARGIN": MARGIN}))
         self.targets = self.own(Workshop())
 
@@ -86,9 +86,9 @@ class SpotPass(Owner):
         Every pixel is splatted. A place has cached irradiance, and its surface reflects more than it emits. margin: pixels at the
         borders of a part without places.
         """
-        part = part_drawn(camera, self.size)
+        part = part_drawn(camera, gbuffer.position.size)
         side = max(1, round(part.whole[1] / _ROWS))
-        first, size = np.floor_divide(part.corner, side), (self.size[0] // side + 2, self.size[1] // side + 2)
+        first, size = np.floor_divide(part.corner, side), (part.size[0] // side + 2, part.size[1] // side + 2)
         target = self.targets.get("target", size, lambda: Target(self.ctx, size, (4, 4, 4)))
         self.program(
             target,
@@ -105,12 +105,12 @@ class SpotPass(Owner):
         pixel = side * square + square[..., ::-1] % side  # in the whole picture, as pixel_of_square in shaders/lib/texel.glsl
         position, normal, rest = (target.read(i)[::-1] for i in range(3))
         low = np.maximum(np.add(part.corner, margin), 0)
-        high = np.minimum(np.add(part.corner, self.size) - margin, part.whole)
+        high = np.minimum(np.add(part.corner, part.size) - margin, part.whole)
         there = (position[..., 3] > 0.0) & ((pixel >= low) & (pixel < high)).all(-1)
         position, normal, rest, pixel = position[there], normal[there], rest[there], pixel[there]
         geometric = octahedral_decode(normal[:, 3], rest[:, 0])
         number = pixel[:, 1] * part.whole[0] + pixel[:, 0]
-        screen = camera.measure_at(position[:, :3].astype(float), self.size)
+        screen = camera.measure_at(position[:, :3].astype(float), part.size)
         sites = Sites(position[:, :3], normal[:, :3], geometric, rest[:, 2].astype(np.intp), number, screen)
         return Spots.joined([Spots(sites, rest[:, 1].astype(float), rest[:, 3] > 0.0)])
 
@@ -120,15 +120,17 @@ class SpotCheck:
     """The progress of a spot check: an immutable value.
 
     spots: the positions of the present probes. found: (K,) luminances, W/m², at the first K of them. stage: index of the present
-    probes in SIDES.
+    probes in SIDES; after the last stage, the places that need a record.
     """
 
     spots: Spots
     found: np.ndarray = field(default_factory=lambda: np.zeros(0))
     stage: int = 0
 
-    @property
-    def significant(self) -> Spots:
-        """The places where the present probes differ from the cache."""
+    def after(self, more: np.ndarray) -> SpotCheck:
+        """Return the check after further probes found (N,) W/m². Their last one begins the next stage, where they differ."""
+        found = np.concatenate([self.found, more])
+        if len(found) < len(self.spots):
+            return replace(self, found=found)
         least = np.where(self.spots.at_crease, _AT_CREASES[self.stage], _SIGNIFICANT[self.stage])
-        return self.spots[self.spots.difference(self.found) > least]
+        return SpotCheck(self.spots[self.spots.difference(found) > least], stage=self.stage + 1)

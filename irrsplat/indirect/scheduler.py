@@ -14,7 +14,7 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.vectors import along_a_way
 from irrsplat.gather.spot_check import SIDES, SpotCheck, SpotPass, Spots
-from irrsplat.gpu.resource import Owner, Workshop
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -103,7 +103,7 @@ class RecordScheduler(Owner):
         self.adaptation = self.own(AdaptiveRadius(world.ctx, cache, timers))
         self.examine_pass, self.refresh_order = self.own(ExaminePass(world.ctx)), self.own(RefreshOrder(world.ctx))
         self.hole_probes = self.own(HoleProbes(world.ctx))
-        self._passes = self.own(Workshop())
+        self.spot_pass = self.own(SpotPass(world.ctx))
         self._checked = 0  # number of records at the last spot check, including requested ones
 
     @property
@@ -150,7 +150,7 @@ class RecordScheduler(Owner):
 
     def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
         """Return a view that is drawn whole, for the examination."""
-        examine, spots = partial(self.examine_pass, gbuffer, splats), partial(self.spots, gbuffer, splats, camera)
+        examine, spots = partial(self.examine_pass, gbuffer, splats), partial(self.spot_pass, gbuffer, splats, camera)
         return Screen(camera, gbuffer.position.size, splats.pixel_stride, splats, examine, spots, gbuffer, splats)
 
     @property
@@ -215,12 +215,6 @@ class RecordScheduler(Owner):
             view = self._check(view, screen, shadows, budget)
         return view
 
-    def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:
-        """Return the places of a view, or of the part that `camera` draws, for a spot check, see SpotPass."""
-        size = gbuffer.position.size
-        with self.timers("examine"):
-            return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera, margin)
-
     def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> ViewState:
         """Advance the spot check of a view that requests no record, within the budget, and queue records at failures.
 
@@ -232,20 +226,16 @@ class RecordScheduler(Owner):
             pays = gatherer.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]  # a gather has four times the rays
             if not (self.room and self.settings.spread and pays and self._checked < self.cache.count):
                 return replace(view, checked=True)
-            check = SpotCheck(self._unchecked(screen.spots()))
-        while True:
+            with self.timers("examine"):
+                spots = screen.spots()
+            check = SpotCheck(self._unchecked(spots))
+        while check.stage < len(SIDES):
             probes = gatherer.empty_probes()
             gatherer.gather(check.spots.sites[len(check.found) :], shadows, budget, SIDES[check.stage], probes=probes)
-            more = probes.values[:, :3].astype(float) @ LUMINANCE
-            check = replace(check, found=np.concatenate([check.found, more]))
-            if len(check.found) < len(check.spots):
+            check = check.after(probes.values[:, :3].astype(float) @ LUMINANCE)
+            if len(check.found) or (budget.left <= 0.0 and check.stage < len(SIDES)):  # the next tick continues
                 return replace(view, check=check)
-            if check.stage == len(SIDES) - 1:
-                break
-            check = SpotCheck(check.significant, stage=check.stage + 1)
-            if budget.left <= 0.0:
-                return replace(view, check=check)
-        sites = check.significant.sites[: self.room]
+        sites = check.spots.sites[: self.room]
         self._checked = self.cache.count + len(sites)
         return replace(view, check=None, checked=True, queue=sites if len(sites) else None, near=False, stalled_rounds=0)
 

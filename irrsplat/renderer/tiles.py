@@ -151,7 +151,7 @@ def _spots(stages: Stages, state: State, camera: Camera) -> Spots:
     here = replace(state, size=(state.tile + 2 * MARGIN, state.tile + 2 * MARGIN))
     for x, y in _grid(state.size, (state.tile, state.tile)):
         seen = part_of(camera, Part(state.size, (x - MARGIN, y - MARGIN), here.size))
-        found.append(stages.scheduler.spots(*_splatted(stages, here, seen), seen, MARGIN))
+        found.append(stages.scheduler.spot_pass(*_splatted(stages, here, seen), seen, MARGIN))
     return Spots.joined(found)
 
 

@@ -73,12 +73,11 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     """Every other pass of the core, as settings may have it."""
     for gradients in (False, True):
         yield ReducePass(ctx, gradients)
-    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass, RefreshOrder):
+    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass, RefreshOrder, ExaminePass, SpotPass):
         yield simple(ctx)
     yield AdaptiveRadius(ctx, RecordCache(ctx), Timers(ctx, software=True))
     yield textured(ctx)
-    yield ExaminePass(ctx)
-    for sized in (GBufferPass, CompositePass, MeanPass, SplatPass, UpsamplePass, SpotPass):
+    for sized in (GBufferPass, CompositePass, MeanPass, SplatPass, UpsamplePass):
         yield sized(ctx, SIZE)
     yield TemporalFilter(ctx, SIZE)
     yield HoleFilling(ctx, SIZE)
