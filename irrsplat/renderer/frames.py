@@ -154,20 +154,19 @@ class Frames(Owner):
         if stages is self.small:
             view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera
 
-        idle = (view.settled or view.coverage == 1.0) and not len(cache.stale)
+        covered, renewed = view.coverage == 1.0, 0
+        idle = covered and not len(cache.stale)
         ready = gather and bounces and gatherer.prepare(shadows, budget.part(1.0, reserve), idle)
         if dark and budget.left <= 0.0:
             ready = False  # the first light is shown at once: passes that gather records take a tenth of a second to make
-        renewed = 0
         if ready:  # 2.1, records whose light has changed, before pixels without a record
-            part = budget.part(1.0 if view.coverage == 1.0 else HALF, reserve)
-            renewed = scheduler.refresh(shadows, gbuffer, camera, part)
+            renewed = scheduler.refresh(shadows, gbuffer, camera, budget.part(1.0 if covered else HALF, reserve))
         if renewed or len(cache.stale):
             view = replace(view, stalled_rounds=0)  # other light may end the stall
-        if not picture and len(cache.stale):
+        if not picture and len(cache.stale) and (sums := stages.splats(state).sums) is not None:
             # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
             progress = self.progress(view, renewed=renewed)
-            return replace(state, view=view), Round(camera, shadows, gbuffer, stages.splats(state).sums, progress)
+            return replace(state, view=view), Round(camera, shadows, gbuffer, sums, progress)
 
         start = now()
         scheduler.limit_radii(view)
