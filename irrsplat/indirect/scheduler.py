@@ -145,8 +145,11 @@ class RecordScheduler(Owner):
         return self.gatherer.gather(numbers, shadows, budget)
 
     def limit_radii(self, view: ViewState, old_too: bool = False) -> bool:
-        """Compare new records with those before them, see AdaptiveRadius. Return True if the reach of an old record changed."""
-        return self.adaptation(self.settings, old_too, same_floor=view.queue is not None)
+        """Compare new records with those before them, see AdaptiveRadius. Return True if the reach of an old record changed.
+
+        A view compares old records, too, in its first round, and where `old_too` is set.
+        """
+        return self.adaptation(self.settings, old_too or view.rounds == 0, same_floor=view.queue is not None)
 
     def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
         """Return a view that is drawn whole, for the examination."""
