@@ -32,7 +32,8 @@ from irrsplat.scene.spatial.visible_parts import SceneParts
 
 Made = TypeVar("Made")
 
-_LARGE = 20_000  # triangles
+_LARGE = 20_000  # triangles of a scene whose ray structures are made in a thread
+_MOST_MOVED = 100_000  # triangles whose ray structures are made at once, in a tenth of a second each
 
 
 class World(Owner):
@@ -197,7 +198,7 @@ class World(Owner):
         counts, corners, meshes = self.geometry.counts, self.geometry.corners, self.scene.meshes
         of_mesh = np.concatenate([np.full(len(meshes[i].faces), i) for i in order(self.scene)])
         apart = np.flatnonzero(np.isin(of_mesh[: counts.lit], moved))
-        few = self.large and len(apart) <= _LARGE and not (apart >= counts.solid).any()
+        few = self.large and len(apart) <= _MOST_MOVED and not (apart >= counts.solid).any()
         if few and len(apart) and np.array_equal(apart, self._apart):
             points = corners[apart].reshape(-1, 3)
             if (points >= self._room[0]).all() and (points <= self._room[1]).all():
