@@ -40,6 +40,7 @@ from irrsplat.scene.model import Camera
 from irrsplat.scene.model.checks import check_type
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
+_HOLES = 0.2  # of a tick: share for probes of holes, besides records
 _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
 _SMALLEST = 4  # the largest divisor of width and height of a moving camera's view
 _DRAWN = 0.8  # greatest share of a tick for drawing while the camera moves; the gather has the remaining time
@@ -185,7 +186,7 @@ class Frames(Owner):
         if not bounces:
             view = replace(view, missing=0.0)
         elif ready:  # 2.3 and 2.1
-            part = budget.part(HALF if probing and view.lacks_probes else 1.0, later)
+            part = budget.part(1.0 - _HOLES if probing and view.lacks_probes else 1.0, later)
             view, new = scheduler.gather_missing(view, screen, shadows, part)
             complete = scheduler.ended(view, screen)
         elif not gather:

@@ -33,6 +33,7 @@ _PLACES = "seed", "placement", "warmup"  # settings that determine the positions
 _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take; input ends this one too
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
+_SURFACE = 0.35  # of a tick: share for the surface cache while records are gathered by its last values
 _FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
 
 
@@ -284,7 +285,7 @@ class RecordGatherer(Owner):
         follows = budget.limited and not first and not surface.level.complete and len(sites) and sites.triangle is not None
         before, follower = surface.at(sites) if follows else None, surface.in_use.follower
         followed = follower is not None and not follower.is_rough
-        part = budget if idle or not surface.current else budget.part(HALF, 0.0)
+        part = budget if idle or not surface.current else budget.part(_SURFACE, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         # the full level, with virtual lights, waits while coarse values are of the present light
         waits = budget.limited and coarse and surface.in_use.complete and (self._without_tree or first_records)
