@@ -7,6 +7,7 @@ range in the order of their places along this axis.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import moderngl
@@ -24,9 +25,8 @@ from irrsplat.settings import Settings
 _FEW = 1 / 8  # share of new records below which a splat of all records costs more than old limits gain
 _SETTINGS = ("a", "adapt", "gradients", "weights")  # settings that limits depend on
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
-# records per strip at most: smaller strips need more draws, larger ones more comparisons; Mesa's software renderer silently ends
-# the loops of a fragment after 65535 iterations
-_STRIP = 1024
+_STRIP = 1024  # records per strip, if all are compared with all: smaller strips need more draws, larger ones more comparisons
+_LOOP = 65535  # iterations after which Mesa's software renderer silently ends the loops of a fragment
 
 
 class AdaptiveRadius(Owner):
@@ -116,10 +116,10 @@ class AdaptiveRadius(Owner):
         targets = self._made.get("targets", size, lambda: float_texture(self.ctx, size, 1))
         others = self._made.get("others", size, lambda: float_texture(self.ctx, size))
         axes = _, across = np.ptp(places, axis=0).argsort()[:0:-1].tolist()
-        order = np.concatenate(_strips(places[which], axes))  # near records share a block
+        order = np.concatenate(_strips(places[which], axes, len(places[which])))  # near records share a block
         texel_table.write(targets, 0, (order + which.indices(cache.count)[0])[:, None])
         begin = 0
-        for numbers in _strips(places[low:], axes):
+        for numbers in _strips(places[low:], axes, len(order)):
             strip = low + numbers
             texel_table.write(others, begin, np.column_stack([places[strip], strip]))
             self.programs[settings.gradients](
@@ -143,8 +143,12 @@ class AdaptiveRadius(Owner):
         return limits
 
 
-def _strips(places: np.ndarray, axes: tuple[int, int]) -> list[np.ndarray]:
-    """Return the numbers of places (N, 3) in strips along the first of the `axes` and across the second, each in its order."""
+def _strips(places: np.ndarray, axes: tuple[int, int], targets: int) -> list[np.ndarray]:
+    """Return the numbers of places (N, 3) in strips along the first of the `axes` and across the second, each in its order.
+
+    targets: the number of records that are compared with them; with fewer, draws cost more than comparisons.
+    """
     along, across = axes
-    strips = np.array_split(np.argsort(places[:, across], kind="stable"), max(-(-len(places) // _STRIP), 1))
+    count = max(math.ceil(math.sqrt(targets * len(places)) / _STRIP), math.ceil(len(places) / _LOOP), 1)
+    strips = np.array_split(np.argsort(places[:, across], kind="stable"), count)
     return [strip[np.argsort(places[strip, along], kind="stable")] for strip in strips]

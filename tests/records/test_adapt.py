@@ -185,10 +185,10 @@ def test_few_new_records_limit_no_old_ones_until_there_are_more(ctx: moderngl.Co
 
 @pytest.mark.parametrize(("length", "reach"), [(1.0, 0.05), (30.0, 0.5), (1e6, 1e4)])
 def test_few_records_are_compared_in_halls_and_in_corridors(length: float, reach: float) -> None:
-    """Records in a hall of 1 x 1, and in corridors: less than twice as many are compared as lie within the reach of a record."""
+    """All records of a hall of 1 x 1, or a corridor: fewer than twice as many are compared as lie within reach of a record."""
     chance, count = np.random.default_rng(0), 20_000
     places = chance.random((count, 3)).astype("f4") * np.array([1.0, 0.0, length], "f4")
-    strips, asking = _strips(places, (2, 0)), places[:200]
+    strips, asking = _strips(places, (2, 0), count), places[:200]
     assert np.array_equal(np.sort(np.concatenate(strips)), np.arange(count))
     compared = 0
     for strip in strips:
