@@ -184,7 +184,7 @@ class Refiner(Owner):
         pixels_covered = self.scheduler.pixels_covered(self._gbuffer, self._camera)[:, None]
         weights = pixels_covered / max(float(pixels_covered.sum()), 1e-20)
         self._surface_error = surface.result, _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))
-        self.scheduler.limit_radii(ViewState())  # the last test's records are new
+        self.scheduler.limit_radii(ViewState(rounds=1))  # only new records, those of the last test: others would leave holes
         self.splats = yield from self._splatted(number, reach)
         yield
 
@@ -208,7 +208,7 @@ class Refiner(Owner):
         return tests._replace(gathered=gathered, noise=noise[:, None] * gathered)
 
     def _fill(self, number: int, reach: moderngl.Texture, side: int) -> Steps[None]:
-        """Make records where the next step lacks some, and show its picture."""
+        """Make records where the next step lacks some, and show its picture, unless the limit of records leaves holes in it."""
         fill = ViewState(side=side, checked=True)
         while True:
             self.scheduler.limit_radii(fill)
@@ -218,7 +218,7 @@ class Refiner(Owner):
             if self.scheduler.ended(fill, screen):
                 break
             yield
-        self.splats = splats
+        self.splats = self.splats if fill.full else splats
         yield
 
 
