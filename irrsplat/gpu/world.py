@@ -269,7 +269,7 @@ class World(Owner):
             else:
                 self.geometry.repaint(vertices)
                 if any(sort_of(scene.meshes[i]) == CUT_OUT for i in change.repainted):
-                    self._pending_caster = None  # holes may differ
+                    self._pending_caster = self._placed = None  # holes may differ
                 if triangles is not None:
                     triangles.repaint(vertices)
             found = runs(scene)

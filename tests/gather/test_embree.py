@@ -10,7 +10,7 @@ import pytest
 
 from irrsplat.core.errors import InputError
 from irrsplat.gather import kinds
-from irrsplat.gpu import context
+from irrsplat.gpu import context, world
 from irrsplat.scene import ray_caster
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Texture, Wrap
@@ -44,12 +44,13 @@ def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
 
 
 @pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
-def test_it_passes_what_is_cut_out(ctx: moderngl.Context, wrap: Wrap) -> None:
+def test_it_passes_what_is_cut_out(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch, wrap: Wrap) -> None:
     """Through fences with half cut out, one above another, a record sees the sky, and the wall in front of some of it.
 
     Segments that pass all cut-out triangles end at the wall alone. Paint on the wall keeps Embree's scene. A shift of the
-    pattern by a texel swaps posts and holes.
+    pattern by a texel swaps posts and holes, also after a move of the wall in a large scene.
     """
+    monkeypatch.setattr(world, "_LARGE", 12)  # triangles: the wall keeps a ray structure of its own after a move
     pattern = Texture(image(np.full((8, 8), 255), 255 * checker(8)), wrap=(wrap, wrap))
     paint, uvs = replace(material(0.5), albedo_texture=pattern, alpha_mode="mask", alpha_cutoff=0.5), np.zeros((4, 4), "f4")
     uvs[:, :2] = (-0.1, 0.1), (-0.1, 1.4), (1.2, 1.4), (1.2, 0.1)
@@ -61,12 +62,14 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context, wrap: Wrap) -> None:
         starts = np.random.default_rng(1).uniform(-0.9, 0.9, (200, 3)) * (1.0, 0.0, 1.0)
         ends = starts + np.array([0.0, 2.0, 0.0])
         whole, passed = (lit.world.caster.reach(starts, ends, cut_outs) for cut_outs in (True, False))
-        by_fences, caster = np.mean(whole < 0.35), lit.world.caster
+        by_fences = np.mean(whole < 0.35)
         swapped = replace(paint, albedo_texture=replace(pattern, transform=(1.0, 0.0, 0.125, 0.0, 1.0, 0.0)))
         opened = [replace(fence, material=swapped) for fence in fences]
         repainted = [(*some, replace(behind, material=material(0.2))) for some in (fences, opened)]
-        states = [lit.scene, *(replace(lit.scene, meshes=meshes) for meshes in repainted)]
-        for before, after, kept in zip(states, states[1:], (True, False), strict=False):
+        away = (*fences, replace(behind, positions=behind.positions + np.float32(0.05)))
+        states = [lit.scene, *(replace(lit.scene, meshes=meshes) for meshes in (away, lit.scene.meshes, *repainted))]
+        for before, after, kept in zip(states, states[1:], (False, False, True, False), strict=False):
+            caster = lit.world.caster
             lit.world.apply(SceneChange.between(before, after))
             assert (lit.world.caster is caster) == kept
         assert np.mean((lit.world.caster.reach(starts, ends) < 0.35) != (whole < 0.35)) > 0.6
