@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.core.color import LUMINANCE, linear_from_srgb
+from irrsplat.core.color import LUMINANCE
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
 from irrsplat.core.vectors import cross, triangle_areas
 from irrsplat.scene.appearance import in_order
-from irrsplat.scene.image_means import sums_of_four
+from irrsplat.scene.image_means import COLOR, sums_of_four
 from irrsplat.scene.io.mesh_builder import distinct_rows, welded
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
@@ -206,7 +206,7 @@ def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
     root = np.sqrt(x)
     shares = np.stack([1.0 - root, root * (1.0 - y), root * y], axis=-1)  # barycentric, evenly spread over a triangle
     mean = np.zeros((len(uvs), 3))
-    image = linear_from_srgb(texture.image.pixels[..., :3].astype(np.float32) / np.float32(255.0))
+    image = np.take(COLOR, texture.image.pixels[..., :3], mode="clip")
     for number in range(int(level.max(initial=0)) + 1):
         rows = np.flatnonzero(level == number)
         if len(rows):

@@ -14,7 +14,7 @@ _LINEAR_OF_BYTE = (_BYTES * _LINEAR_STEPS).round().astype("u4")
 _BYTE = (np.arange(_LINEAR_STEPS + 1) / _LINEAR_STEPS * 255.0).round().astype("u1")
 _DECODE = (linear_from_srgb(_BYTES) * _LINEAR_STEPS).round().astype("u4")
 _ENCODE = (srgb(np.arange(_LINEAR_STEPS + 1) / _LINEAR_STEPS) * 255.0).round().astype("u1")
-_COLOR, _ALPHA = linear_from_srgb(_BYTES).astype(np.float32), _BYTES.astype(np.float32)  # values of the bytes of a pixel
+COLOR, _ALPHA = linear_from_srgb(_BYTES).astype(np.float32), _BYTES.astype(np.float32)  # linear values of the bytes of a pixel
 
 
 def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
@@ -30,7 +30,7 @@ def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
         rows = down[start : start + step]
         used = np.flatnonzero(rows.any(0))
         part = pixels[used[0] : used[-1] + 1]
-        values = np.take(_COLOR, part, mode="clip")
+        values = np.take(COLOR, part, mode="clip")
         values[..., 3] = np.take(_ALPHA, part[..., 3], mode="clip")
         if weighted:
             values = np.concatenate([values, values * values[..., 3:4]], axis=-1)
