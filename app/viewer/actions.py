@@ -65,6 +65,7 @@ class Actions:
         if not self.can(command):
             self.say(self.missing(command) or f"{command.title}: not possible now", topic="missing")
             return
+        self.messages.drop("pick")
         method = attrgetter(command.action)(self)
         self.attempt(method if command.argument is None else lambda: method(command.argument))
 
@@ -169,7 +170,8 @@ class Actions:
             self.say(f"{os.path.basename(other[0])} has changed on disk; F5 opens the scene again", topic="file")
         self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
-        self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
+        plane = self.session.options.plane and not self.editor.dragging
+        self.attempt(lambda: self.session.plane.update(plane, self.session.scene))
         self.attempt(lambda: self.session.tracing.update(self.session.subject, self.say))
 
     def clear(self) -> None:
@@ -192,8 +194,7 @@ class Actions:
         if near:
             editor.pick_light(min(near, key=lambda number: near[number]))
         else:
-            editor.mesh = mesh
-            editor.light = None if mesh is None else editor.light
+            editor.mesh, editor.light = mesh, None if mesh is None else editor.light
 
     def add_light(self) -> None:
         """Add a light, and open the list of lights."""

@@ -127,8 +127,7 @@ class Viewer(Owner):
         if session.renderers[0].about["software"]:
             self.ctx.finish()  # a software renderer draws in this process, and its time counts
         self._overhead += _SMOOTHING * (now() - start - core - self._overhead)
-        if actions.quitting:
-            self.wnd.is_closing = True
+        self.wnd.is_closing |= actions.quitting
 
     def announce(self, words: str, work: Callable[[], object]) -> None:
         """Show `words` in the next frame, and call `work` after it."""
