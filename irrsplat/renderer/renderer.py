@@ -302,6 +302,7 @@ class Renderer(Tenant):
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw every buffer of the view again next time; without the present `records`, and the `lights`' shadow maps."""
+        self._use()
         self._frames.forget(shadows=lights)
         if records:
             self.cache.truncate(0)
