@@ -222,7 +222,7 @@ class Sites:
 
     triangle: (N,) numbers of their triangles, if known. frame_rotation: (N,) seeds of the rotations of the hemisphere frames; by
     default the records' numbers. screen: (N,) height of the image in metres at the site, in the requesting view; None, or 0:
-    unknown.
+    unknown. radius: (N,) metres, the greatest radii of records at small features; None: without such a limit.
     """
 
     position: np.ndarray
@@ -231,6 +231,7 @@ class Sites:
     triangle: np.ndarray | None = None
     frame_rotation: np.ndarray | None = None
     screen: np.ndarray | None = None
+    radius: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.position)

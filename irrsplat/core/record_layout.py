@@ -99,7 +99,14 @@ COLUMNS: dict[str, Column] = {
             "gather",
             "standard error of the luminance of E by the number of rays, divided by the luminance, at most 1; 0: unknown",
         ),
-        Column("limit", "float", ("limit.x",), "1", "adaptation", "greatest share of its radii that a record covers"),
+        Column(
+            "limit",
+            "float",
+            ("limit.x",),
+            "1",
+            "adaptation",
+            "greatest share of its radii that a record covers; below 0: minus its greatest radius in metres, at a small feature",
+        ),
     )
 }
 

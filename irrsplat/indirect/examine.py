@@ -74,7 +74,7 @@ class Screen:
     pixel.
 
     sums: an object that differs if the sums differ. examine: returns the examination by settings. spots: finds the positions
-    for a spot check, if all pixels have sums. gbuffer, splats: those of a view without tiles.
+    for a spot check, if all pixels have sums; True for those of a further check. gbuffer, splats: those of a view without tiles.
     """
 
     camera: Camera
@@ -82,7 +82,7 @@ class Screen:
     pixel_stride: int
     sums: object
     examine: Callable[[Settings], Examination]
-    spots: Callable[[], Spots]
+    spots: Callable[[bool], Spots]
     gbuffer: GBuffer | None = None
     splats: SplatBuffer | None = None
 

@@ -36,6 +36,7 @@ COVERED = 0.9  # of the pixels: with fewer holes, all take the light of records 
 GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view requests no more records
 _PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
 _AROUND = 8  # records that decide whether a place is probed, half of them before it along a space-filling curve
+_CHECKS = 3  # spot checks of a view, at most: the further ones probe around errors
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
@@ -49,9 +50,9 @@ class ViewState:
     missing, before: under-covered share of the surface pixels, 0..1, at the beginning of the present round, and of the last
     complete round. examined: sums and criteria of the last examination. settled: True if they request no record.
     queue: the waiting sites of the present round; None between rounds. near: True if they have the greatest density, so that
-    their records cover only near surfaces. check: the unfinished spot check; checked: True after the check. full: True if the
-    view needs more records than the limit. holes: the cells that still lack a probe, see HoleFilling; None: unknown. scan: the
-    traversal of the paper's algorithm.
+    their records cover only near surfaces. check: the unfinished spot check; failed: pixels with errors at
+    each check before it; checked: True after the last one. full: True if the view needs more records than the limit. holes: the
+    cells that still lack a probe, see HoleFilling; None: unknown. scan: the traversal of the paper's algorithm.
     """
 
     subject: tuple[object, ...] = ()
@@ -67,6 +68,7 @@ class ViewState:
     queue: Sites | None = None
     near: bool = False
     check: SpotCheck | None = None
+    failed: tuple[np.ndarray, ...] = ()
     checked: bool = False
     full: bool = False
     holes: Sites | None = None
@@ -221,26 +223,28 @@ class RecordScheduler(Owner):
     def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> ViewState:
         """Advance the spot check of a view that requests no record, within the budget, and queue records at failures.
 
-        There is no check without new records since the last one, without room for further ones, nor with settings that ignore
-        inter-record variance.
+        There is no first check without new records since the last one, without room for further ones, nor with settings that
+        ignore inter-record variance. Further checks follow errors, such as those along a thin shadow.
         """
-        check, gatherer = view.check, self.gatherer
+        check, gatherer, failed = view.check, self.gatherer, view.failed
         if check is None:
             pays = gatherer.may_probe_holes and self.settings.gather_size >= 2 * SIDES[-1]  # a gather has four times the rays
-            if not (self.room and self.settings.spread and pays and self._checked < self.cache.count):
+            if not (self.room and self.settings.spread and pays and (failed or self._checked < self.cache.count)):
                 return replace(view, checked=True)
             with self.timers("examine"):
-                spots = screen.spots()
-            check = SpotCheck(self._unchecked(spots))
+                spots = screen.spots(bool(failed))
+            check = SpotCheck(spots.near(failed, screen.size) if failed else self._unchecked(spots))
         while check.stage < len(SIDES):
             probes = gatherer.empty_probes()
             gatherer.gather(check.spots.sites[len(check.found) :], shadows, budget, SIDES[check.stage], probes=probes)
             check = check.after(probes.values[:, :3].astype(float) @ LUMINANCE)
             if len(check.found) or (budget.left <= 0.0 and check.stage < len(SIDES)):  # the next tick continues
                 return replace(view, check=check)
-        sites = check.spots.sites[: self.room]
-        self._checked = self.cache.count + len(sites)
-        return replace(view, check=None, checked=True, queue=sites if len(sites) else None, near=False, stalled_rounds=0)
+        spots = check.spots[: self.room]
+        self._checked = self.cache.count + len(spots)
+        queue, failed = spots.sites if len(spots) else None, (*failed, spots.pixels)
+        ended = queue is None or len(failed) == _CHECKS
+        return replace(view, check=None, failed=failed, checked=ended, queue=queue, near=False, stalled_rounds=0)
 
     def _unchecked(self, spots: Spots) -> Spots:
         """Return the places where half of the records around are new since the last spot check, and have little noise.

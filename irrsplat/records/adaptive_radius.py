@@ -71,10 +71,8 @@ class AdaptiveRadius(Owner):
         if not same or first < cache.count:
             with self.timers("adapt"):
                 before = cache.limits(limited)
-                if settings.adapt > 0.0 and cache.count:
+                if cache.count and (settings.adapt > 0.0 or not same):
                     cache.set_limits(self.limits(first, settings, old_too))
-                elif not same:
-                    cache.set_limits(np.ones(cache.count))
                 changed = not same or not np.array_equal(before, cache.limits(limited))
             cache.revision += changed  # unchanged limits keep the splats of old records valid
         self._limited, self.compared, self._made_for = cache.count, cache.count if old_too else compared, inputs
@@ -94,17 +92,18 @@ class AdaptiveRadius(Owner):
         self._floor_of = self.cache.count, self.cache.refresh_count
 
     def limits(self, first: int, settings: Settings, old: bool) -> np.ndarray:
-        """Return (N,) the limits of all records. Those from number `first` on are new: one at least.
+        """Return (N,) the limits of all records. Those from number `first` on are new: one at least. Radii in metres stay.
 
         A new record is limited by records of lower numbers, so that batch sizes do not matter. old: limit the new records by all
         others, and those before `first` by the new ones.
         """
         count = self.cache.count
-        limits = self.cache.limits(count).copy()
-        limits[first:] = self._limits(slice(first, count), 0, settings, old)
-        if first and old:
+        before = self.cache.limits(count)
+        limits = before.copy()
+        limits[first:] = self._limits(slice(first, count), 0, settings, old) if settings.adapt > 0.0 else 1.0
+        if first and old and settings.adapt > 0.0:
             limits[:first] = np.minimum(limits[:first], self._limits(slice(first), first, settings, True))
-        return limits
+        return np.where(before < 0.0, before, limits)
 
     def _limits(self, which: slice, low: int, settings: Settings, by_all: bool) -> np.ndarray:
         """Return (K,) the limits of the records `which` by those from number `low` on.

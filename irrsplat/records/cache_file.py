@@ -22,7 +22,7 @@ from irrsplat.records.scene_stamp import SceneStamp, hashed, present_triangles, 
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 14  # raise it whenever the content of files or the inputs of records change
+FORMAT = 15  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _REMEDY = "remove it to have it made anew, or name another file"

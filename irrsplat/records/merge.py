@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
-from irrsplat.records.weight import bounded, own_radii, weights
+from irrsplat.records.weight import bounded, limits_of, own_radii, weights
 from irrsplat.settings import Settings
 
 # times the Σw below which a pixel requests a record: the pixels around the requesting one need cover as well. Two halves of a
@@ -75,7 +75,8 @@ def _pairs(state: CacheState, settings: Settings, places: np.ndarray) -> tuple[n
     floor = float(state.records["luminance_floor"])
     columns = {name: rows.astype(float) for name, rows in state.records.items() if name != "clocks"}
     position, normal = (columns[name][:, :3] for name in ("position", "normal"))
-    radii = settings.a * own_radii(columns, floor, settings) * columns["limit"][:, None]  # before the bounds of a view
+    share, most = limits_of(columns)
+    radii = settings.a * own_radii(columns, floor, settings) * share  # before the bounds of a view
     widest = bounded(np.full(len(radii), radii.max(initial=0.0)), columns["screen"], settings)
     tree, none = cKDTree(position), np.zeros(0, np.intp)
     pairs = [(none, none, np.zeros(0))]
@@ -83,7 +84,7 @@ def _pairs(state: CacheState, settings: Settings, places: np.ndarray) -> tuple[n
         near = tree.query_ball_point(position[part], widest[part])
         place, other = np.repeat(part, [len(one) for one in near]), np.concatenate([none, *near]).astype(np.intp)
         records = {"position": position[other], "normal": normal[other], "axis": columns["axis"][other]}
-        reach = bounded(radii[other], columns["screen"][place, None], settings)
+        reach = np.minimum(bounded(radii[other], columns["screen"][place, None], settings), most[other])
         w = weights(records, reach, position[place], normal[place], settings)
         counts = (w > 0.0) & (place != other)
         pairs.append((place[counts], other[counts], w[counts]))

@@ -125,7 +125,8 @@ class RecordCache(Owner):
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
         for name in ("position", "normal"):
             texel_table.write(self._textures[name], first, columns[name][new])
-        texel_table.write(self._textures["limit"], first, np.ones((len(sites), 1)))
+        limits = np.ones(len(sites)) if sites.radius is None else -sites.radius
+        texel_table.write(self._textures["limit"], first, limits[:, None])
         if values is not None:
             texels = {name: np.zeros((len(sites), TEXTURES[name]), "f4") for name in GATHERED}
             record_layout.pack(texels, "irradiance", values[:, :3])
@@ -190,7 +191,7 @@ class RecordCache(Owner):
             self.revision += 1
 
     def limits(self, count: int) -> np.ndarray:
-        """Return (count,) float32: the share of their radii that the first `count` records may reach."""
+        """Return (count,) float32: the limits of the first `count` records, see record_layout.COLUMNS."""
         return texel_table.read(self.ctx, self._textures["limit"], 0, count)[:, 0]
 
     def set_limits(self, limits: np.ndarray) -> None:

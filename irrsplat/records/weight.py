@@ -86,9 +86,16 @@ def reach(
 
     floor: the luminance floor of the records. shaders/records/view_radius.glsl has an equal formula.
     """
-    radii = own_radii(columns, floor, settings)
+    share, most = limits_of(columns)
+    radii = own_radii(columns, floor, settings) * share
     screen = camera.measure(size) * np.linalg.norm(columns["position"] - np.asarray(camera.eye), axis=1)
-    return bounded(settings.a * radii * columns["limit"][:, None], screen[:, None], settings)
+    return np.asarray(np.minimum(bounded(settings.a * radii, screen[:, None], settings), most))
+
+
+def limits_of(columns: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the greatest share (N, 1) of its radii that each record covers, and its greatest radius (N, 1) in metres."""
+    limit = columns["limit"][:, None]
+    return np.where(limit < 0.0, 1.0, limit), np.where(limit < 0.0, -limit, np.inf)
 
 
 def weights(columns: Mapping[str, np.ndarray], radii: np.ndarray, p: np.ndarray, n: np.ndarray, settings: Settings) -> np.ndarray:

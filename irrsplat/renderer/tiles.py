@@ -145,13 +145,13 @@ def _examined(stages: Stages, memo: Memo, state: State, camera: Camera, stride: 
     return Examination(**whole)
 
 
-def _spots(stages: Stages, state: State, camera: Camera) -> Spots:
-    """Return the places of all tiles for a spot check."""
+def _spots(stages: Stages, state: State, camera: Camera, fine: bool) -> Spots:
+    """Return the places of all tiles for a spot check, see SpotPass."""
     found: list[Spots] = []
     here = replace(state, size=(state.tile + 2 * MARGIN, state.tile + 2 * MARGIN))
     for x, y in _grid(state.size, (state.tile, state.tile)):
         seen = part_of(camera, Part(state.size, (x - MARGIN, y - MARGIN), here.size))
-        found.append(stages.scheduler.spot_pass(*_splatted(stages, here, seen), seen, MARGIN))
+        found.append(stages.scheduler.spot_pass(*_splatted(stages, here, seen), seen, fine, MARGIN))
     return Spots.joined(found)
 
 

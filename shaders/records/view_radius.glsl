@@ -18,8 +18,9 @@ float view_radius(float R, float distance)
 Ellipse view_ellipse(ivec2 texel, float distance, out float trust)
 {
     Ellipse record = record_ellipse(texel);
-    float limit = record_limit(texel);
-    Ellipse view = Ellipse(record.axis, view_radius(record.along * limit, distance), view_radius(record.across * limit, distance));
-    trust = min(1.0, a * record.across * limit / view.across);
-    return view;
+    float limit = record_limit(texel), share = limit < 0.0 ? 1.0 : limit;
+    vec2 radii = vec2(view_radius(record.along * share, distance), view_radius(record.across * share, distance));
+    if (limit < 0.0) radii = min(radii, vec2(-limit));
+    trust = min(1.0, a * record.across * share / radii.y);
+    return Ellipse(record.axis, radii.x, radii.y);
 }

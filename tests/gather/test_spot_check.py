@@ -76,3 +76,20 @@ def test_the_foot_of_a_ledge_is_dark() -> None:
     foot = (frame.position[..., 1] == 0.0) & (x > 0.0) & (x < 0.008)
     error = frame.irradiance[..., 0] / (np.pi * (1.0 + x / np.hypot(x, height)) / 2.0) - 1.0
     assert np.sqrt((error[foot] ** 2).mean()) < 0.07
+
+
+def test_short_thin_shadows_are_found_whole() -> None:
+    """Rods of 6 pixels by 1 cast hard shadows. Records around them agree, and the first probes test every fourth pixel alone.
+
+    In the umbra E is 0. Without probes around the first errors, a tenth of the umbra shows the light around it.
+    """
+    x, z = (of.ravel() for of in np.meshgrid(np.arange(-0.08, 0.09, 0.04), np.arange(-0.08, 0.09, 0.04)))
+    z = z + 0.5 * x**2  # at various places within pixels
+    black, source = worlds.material(0.0), worlds.quad((-0.005, 1, -0.005), (0.01, 0, 0), (0, 0, 0.01), worlds.material(0.0, 1e3))
+    rods = [worlds.box((a - 0.006, 0.03, b - 0.001), (a + 0.006, 0.032, b + 0.001), black) for a, b in zip(x, z, strict=True)]
+    camera = Camera((0.06, 0.8, 0.5), (0.0, 0.0, 0.0), fov=25.0)
+    frame = irrsplat.render(worlds.scene(worlds.floor(1.0), *rods, source, camera=camera), (200, 240), bounces=1, gather="trace")
+    p, enlarged = frame.position, 1.0 / 0.97  # a shadow is larger than its rod by this factor
+    dx, dz = (np.abs(p[..., k, None] - enlarged * at) for k, at in ((0, x), (2, z)))
+    umbra = (p[..., 1] == 0.0) & ((dx < 0.0058) & (dz < 0.0007)).any(-1)
+    assert umbra.sum() > 50 and frame.irradiance[umbra].mean() < 0.05 * frame.irradiance[p[..., 1] == 0.0].mean()

@@ -77,10 +77,7 @@ def shaded(
     program = ctx.program(vertex_shader=vertex, fragment_shader=source.text)
     vertices = np.zeros((3 * len(corners), WIDTH), "f4")
     vertices[:, :3] = corners.reshape(-1, 3)
-    tree, triangles = (
-        BvhTable(ctx, bvh),
-        TriangleTable(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3)),
-    )
+    tree, triangles = (BvhTable(ctx, bvh), TriangleTable(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3)))
     width, both = 256, np.zeros((-(-len(o) // 256) * 256, 2, 4), "f4")
     both[: len(o), 0, :3], both[: len(o), 1, :3] = o, d
     uniforms: dict[str, Any] = {**tree.uniforms, **triangles.uniforms, "rays": table_texture(ctx, both.reshape(-1, 2 * width, 4))}

@@ -45,13 +45,7 @@ def frame() -> Frame:
     }
     figures = {name: rng.random((HEIGHT, WIDTH, 3), np.float32) for name in ("quad", "first_samples", "splat_buffer")}
     stats: Any = {"records": np.int64(RECORDS), "exposure": 1.5, "converged": True, "lost": np.nan}
-    return Frame(
-        **arrays,
-        **records,
-        records_radius=rng.random(RECORDS, np.float32),
-        stats=stats,
-        figures=figures,
-    )
+    return Frame(**arrays, **records, records_radius=rng.random(RECORDS, np.float32), stats=stats, figures=figures)
 
 
 def test_png_is_the_tone_mapped_picture_top_row_first(frame: Frame, tmp_path: Path) -> None:

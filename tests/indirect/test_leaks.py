@@ -143,11 +143,7 @@ def against(
 
 
 @pytest.mark.parametrize(
-    ("name", "how"),
-    [
-        ("floor beneath a table", "trace"),
-        pytest.param("contact of a ball", "trace", marks=pytest.mark.long),
-    ],
+    ("name", "how"), [("floor beneath a table", "trace"), pytest.param("contact of a ball", "trace", marks=pytest.mark.long)]
 )
 def test_neither_light_nor_rims_where_things_meet(ctx: moderngl.Context, name: str, how: str) -> None:
     """The bias is at most 2 %, and at most 0.8 % of the pixels have an error above 30 %.

@@ -38,11 +38,7 @@ def view(seed: int = 0) -> tuple[paper_scan.Seen, np.ndarray]:
 
 @pytest.mark.parametrize(
     "settings",
-    [
-        preset("paper", a=0.5),
-        preset("paper", a=1.0, weights="hessian"),
-        preset("paper", a=0.5, radius_min=3.0, radius_max=10.0),
-    ],
+    [preset("paper", a=0.5), preset("paper", a=1.0, weights="hessian"), preset("paper", a=0.5, radius_min=3.0, radius_max=10.0)],
 )
 def test_weights_on_the_cpu_are_those_of_the_gpu(ctx: moderngl.Context, settings: Settings) -> None:
     """Section 3.5.2 splats a new record's weight on the CPU's copy: the buffer must equal the GPU's.

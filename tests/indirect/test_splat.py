@@ -39,7 +39,7 @@ class View:
 class Table:
     """Records in numpy.
 
-    p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), limit (N,): allowed share of the radius. axis (N, 3):
+    p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), limit (N,): allowed share of the radius, or -metres. axis (N, 3):
     direction of least bend, 0 if unknown. bend (N, 2): bends along and across it. farthest (N,): the greatest radius. noise (N,):
     relative standard error.
     """
@@ -102,7 +102,7 @@ def table(count: int = 200, seed: int = 1, on: View | None = None) -> Table:
         R[:4] = 3.0, 8.0, 9.0, 12.0
     values = [p, n, rng.uniform(0, 3, (count, 3)), R]
     values += [n[:, None] * values[2][..., None] + 0.3 * rng.normal(size=(count, 3, 3)), 0.5 * rng.normal(size=(count, 3, 3))]
-    values.append(np.where(rng.random(count) < 0.3, rng.uniform(0.05, 1.0, count), 1.0))
+    values.append(np.where(rng.random(count) < 0.3, rng.uniform(-0.3, 1.0, count), 1.0))
     known = (rng.random(count) < 0.8) | (count == 1)
     values.append(known[:, None] * unit(np.cross(n, rng.normal(size=(count, 3)))))
     radii = R[:, None] * np.stack([rng.uniform(1.0, 8.0, count) ** 0.5, rng.uniform(1.0, 8.0, count) ** -0.5], 1)
@@ -132,11 +132,13 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
             own = np.minimum(np.sqrt(2.0 * share / np.maximum(np.abs(bend), 1e-30)), most)
         elif settings.gradients:
             own = np.minimum(own, max(E_k @ LUMINANCE, FLOOR) / np.maximum(np.linalg.norm(LUMINANCE @ gradient), 1e-30))
-        r = np.maximum(a * own * limit, settings.radius_min * screen * d)
+        widest, allowed = (-limit, 1.0) if limit < 0.0 else (np.inf, limit)
+        r = np.maximum(a * own * allowed, settings.radius_min * screen * d)
         if settings.radius_max > 0.0:
             r = np.minimum(r, settings.radius_max * screen * d)
+        r = np.minimum(r, widest)
         R = r / a
-        trust = min(1.0, a * own[1] * limit / r[1])
+        trust = min(1.0, a * own[1] * allowed / r[1])
         apart = seen.position - p_k
         cosine = seen.normal @ n_k
         along = apart @ axis

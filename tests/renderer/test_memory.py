@@ -75,9 +75,7 @@ def peak(monkeypatch: pytest.MonkeyPatch) -> Callable[[], float]:
 
 @pytest.mark.few_sites
 @pytest.mark.parametrize(
-    ("settings", "alone", "rounds"),
-    [({}, True, 50), ({"bounces": "all"}, False, 1), ({"samples": 2}, True, 50)],
-    ids=str,
+    ("settings", "alone", "rounds"), [({}, True, 50), ({"bounces": "all"}, False, 1), ({"samples": 2}, True, 50)], ids=str
 )
 def test_what_a_view_needs_is_known_beforehand(
     large: None, peak: Callable[[], float], monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], alone: bool, rounds: int

@@ -10,11 +10,10 @@ import math
 import numpy as np
 
 from irrsplat.core.vectors import along_a_way
-from irrsplat.gather.spot_check import SIDES
 from irrsplat.records.record_cache import PROBED, RecordCache
 from irrsplat.settings import WIDE
 
-SIDE = SIDES[1]  # of the gather of a probe, and of any other with few rays: its own rays still measure its noise
+SIDE = 16  # of the gather of a probe, and of any other with few rays: its own rays still measure its noise
 _MOST = 2.0  # times the surface cache, the most that a record is taken to be brighter; and the most that its gradient grows
 _DARK = 0.1  # of the greater mean irradiance: below, the ratio of a record to the surface cache is not known
 _NEAR = 8  # records whose mean change of the surface cache scales each of them
