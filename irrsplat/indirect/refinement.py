@@ -108,6 +108,7 @@ class Refiner(Owner):
         levels, doublings, number, reach = np.zeros(self.size[::-1], "f4"), 0, 0, None
         gatherer.restore_surface(self._shadows, self._budget)  # else tests would lack its light
         if gatherer.surface_result is not self._surface_error[0]:  # else a view before has refined the surface cache
+            self._surface_error = None, 0.0  # of other values; records of one bounce have none
             yield from self._light(number, reach)
         for step in range(LAST + 1):
             tests = yield from self._test(step, doublings)

@@ -81,7 +81,7 @@ def test_a_view_of_nothing_is_refined_at_once(renderer: Renderer) -> None:
 
 @pytest.mark.few_sites
 def test_the_surface_cache_is_refined_too(tmp_path: Path) -> None:
-    """With three bounces, frames reach the target error; the records follow the refined values."""
+    """With three bounces, frames reach the target error; the records follow the refined values. One bounce has none."""
     with Renderer(irrsplat.load(write_room(tmp_path)), (32, 24), **(COARSE | {"bounces": 3})) as renderer:
         first = renderer.render().irradiance
         progress = None
@@ -91,6 +91,9 @@ def test_the_surface_cache_is_refined_too(tmp_path: Path) -> None:
         assert progress.error is not None and progress.error <= 0.05 and surface is not None and surface.refinements
         off = view.read().irradiance - first
         assert 1e-3 * first.mean() < np.abs(off).mean() < 0.2 * first.mean()
+        renderer.change(renderer.settings.with_values({"bounces": 1}))
+        renderer.render()
+        assert (renderer.refine(None, 0.01)[1].error or 1.0) < 0.01
 
 
 @pytest.mark.few_sites
