@@ -194,22 +194,27 @@ class World(Owner):
 
         In a large scene, the structures of all other triangles stay while the same meshes move again.
         """
-        self._made.drop("tree")
-        counts, corners, meshes = self.geometry.counts, self.geometry.corners, self.scene.meshes
-        of_mesh = np.concatenate([np.full(len(meshes[i].faces), i) for i in order(self.scene)])
-        apart = np.flatnonzero(np.isin(of_mesh[: counts.lit], moved))
-        few = self.large and len(apart) <= _MOST_MOVED and not (apart >= counts.solid).any()
-        if few and len(apart) and np.array_equal(apart, self._apart):
-            points = corners[apart].reshape(-1, 3)
-            if (points >= self._room[0]).all() and (points <= self._room[1]).all():
+        counts, meshes, builds = self.geometry.counts, self.scene.meshes, (self._pending_tree, self._pending_caster)
+        corners, apart = self.geometry.corners[: counts.lit], np.zeros(0, np.intp)
+        if self.large:
+            of_mesh = np.concatenate([np.full(len(meshes[i].faces), i) for i in order(self.scene)])
+            apart = np.flatnonzero(np.isin(of_mesh[: counts.lit], moved))
+            if moved and not len(apart):  # light passes these meshes
                 return
-        for builds in (self._pending_tree, self._pending_caster):
-            if builds is not None:
-                builds.cancel()
+        self._made.drop("tree")
+        few = len(apart) <= _MOST_MOVED and not (apart >= counts.solid).any()
+        if few and len(apart) and np.array_equal(apart, self._apart):
+            points, failed = corners[apart], any(one and one.done() and one.exception() for one in builds)
+            if (points >= self._room[0]).all() and (points <= self._room[1]).all() and not failed:
+                return
+        for pending in builds:
+            if pending is not None:
+                pending.cancel()
         self._pending_tree = self._pending_caster = self._placed = None
         self._apart = apart if few else apart[:0]
-        low, high = corners.min((0, 1), initial=0.0), corners.max((0, 1), initial=0.0)
-        self._room = np.stack([low - (high - low), high + (high - low)])
+        if len(self._apart):
+            low, high = corners.min((0, 1)), corners.max((0, 1))
+            self._room = np.stack([low - (high - low), high + (high - low)])
 
     def _in_background(self, make: Callable[[], Made]) -> Future[Made]:
         """Return the future of `make`, in a thread for a large scene."""
@@ -268,10 +273,10 @@ class World(Owner):
                 self._move_ray_structures(change.moved)
             else:
                 self.geometry.repaint(vertices)
-                if any(sort_of(scene.meshes[i]) == CUT_OUT for i in change.repainted):
-                    self._pending_caster = self._placed = None  # holes may differ
                 if triangles is not None:
                     triangles.repaint(vertices)
+            if any(sort_of(scene.meshes[i]) == CUT_OUT for i in change.repainted):
+                self._pending_caster = self._placed = None  # holes may differ
             found = runs(scene)
             if found != self.runs:
                 self.runs = found

@@ -48,7 +48,7 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context, monkeypatch: pytest.Mo
     """Through fences with half cut out, one above another, a record sees the sky, and the wall in front of some of it.
 
     Segments that pass all cut-out triangles end at the wall alone. Paint on the wall keeps Embree's scene. A shift of the
-    pattern by a texel swaps posts and holes, also after a move of the wall in a large scene.
+    pattern by a texel swaps posts and holes, also together with a move of the wall in a large scene.
     """
     monkeypatch.setattr(world, "_LARGE", 12)  # triangles: the wall keeps a ray structure of its own after a move
     pattern = Texture(image(np.full((8, 8), 255), 255 * checker(8)), wrap=(wrap, wrap))
@@ -65,9 +65,9 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context, monkeypatch: pytest.Mo
         by_fences = np.mean(whole < 0.35)
         swapped = replace(paint, albedo_texture=replace(pattern, transform=(1.0, 0.0, 0.125, 0.0, 1.0, 0.0)))
         opened = [replace(fence, material=swapped) for fence in fences]
-        repainted = [(*some, replace(behind, material=material(0.2))) for some in (fences, opened)]
-        away = (*fences, replace(behind, positions=behind.positions + np.float32(0.05)))
-        states = [lit.scene, *(replace(lit.scene, meshes=meshes) for meshes in (away, lit.scene.meshes, *repainted))]
+        away = replace(behind, positions=behind.positions + np.float32(0.05))
+        repainted = [(*some, replace(one, material=material(0.2))) for some, one in ((fences, behind), (opened, away))]
+        states = [lit.scene, *(replace(lit.scene, meshes=meshes) for meshes in ((*fences, away), lit.scene.meshes, *repainted))]
         for before, after, kept in zip(states, states[1:], (False, False, True, False), strict=False):
             caster = lit.world.caster
             lit.world.apply(SceneChange.between(before, after))

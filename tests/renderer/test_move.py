@@ -157,9 +157,8 @@ def renderer(ctx: moderngl.Context) -> Iterator[Renderer]:
         (np.array([[-0.8, 0, 0.6, 0], [0.0, 1.1, 0, 0.1], [0.6, 0, 0.8, 0]]), "all", "trace", 20_000),
         (shift(0.3), "all", "trace", 12),
         (shift(0.0, 0.2), 1, "embree", 12),
-        (shift(0.0, 9.0), 1, "embree", 12),
     ],
-    ids=["out of the room", "mirrored", "large", "large, by Embree", "large, far away"],
+    ids=["out of the room", "mirrored", "large", "large, by Embree"],
 )
 def test_a_moved_scene_is_as_if_it_had_been_loaded_so(
     ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch, transform: np.ndarray, bounces: Any, gather: str, large: int

@@ -60,9 +60,6 @@ def store(name: str, arrays: dict[str, np.ndarray], bounces: int | str = 1) -> P
     return path
 
 
-# ---- measures ------------------------------------------------------------------------------------------------------------
-
-
 def test_the_noise_of_a_reference_is_that_of_the_mean_of_its_halves() -> None:
     """Halves have independent errors of 10 %: their mean is off by 10 %/√2, as estimated from the two halves alone."""
     random = np.random.default_rng(2)
