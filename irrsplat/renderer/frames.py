@@ -192,11 +192,13 @@ class Frames(Owner):
         elif not gather:
             view = scheduler.examined(replace(view, pixel_stride=1), screen)
         else:  # records wait for their light; the first record comes before any examination
-            view, complete = scheduler.examined(view, screen) if cache.count else view, False
+            view = scheduler.examined(view, screen) if cache.count else view
+            complete = False
         if probing and view.lacks_probes:
             filling = stages.hole_filling(state)
             view = self._probe_holes(filling, view, screen, shadows, budget.part(1.0, later), first)
-        complete &= not (ready and idle and budget.limited and len(gatherer.unprobed))
+        if complete and ready and budget.limited and not (scheduler.changing or gatherer.basis.moved):
+            complete = gatherer.probe_new(shadows, budget.part(1.0, later))
         return replace(state, view=view), Round(
             camera, shadows, gbuffer, screen.splats, self.progress(view, new, complete, renewed)
         )

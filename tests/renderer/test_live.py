@@ -190,7 +190,7 @@ def test_the_spot_check_waits_for_a_still_camera(ctx: moderngl.Context) -> None:
 
 
 def test_at_rest_nothing_is_drawn(renderer: Renderer) -> None:
-    assert ticks(renderer, 0.05)[-1].done and not len(renderer.scheduler.gatherer.unprobed)
+    assert ticks(renderer, 0.05)[-1].done and renderer.cache.column("probe")[:, 3].all()
     before = renderer.frame(seconds=0.05)[0]
     view, progress = renderer.frame(seconds=0.05)
     assert renderer.timers.milliseconds() == {} and view is before and progress.done

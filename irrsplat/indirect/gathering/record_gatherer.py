@@ -185,7 +185,7 @@ class RecordGatherer(Owner):
         # another way to gather voids all probes; records from a file have light that no probe finds without a surface cache
         other_bounces = old.settings.most_bounces != settings.most_bounces and old.way == new.way and not self.awaits_light
         if (other_bounces or (change and change.dimming is None)) and shadows is not None:
-            self._probe_new(shadows, Budget(None))  # by the former light
+            self.probe_new(shadows, Budget(None))  # by the former light
         try:
             self.world.apply(change)
             self.gather_pass(new)
@@ -263,8 +263,6 @@ class RecordGatherer(Owner):
         ready = self._advance(shadows, budget, idle)
         if ready and self.basis.moved:
             self._probe_changed(shadows, budget.part(HALF, 0.0, HALF))
-        elif ready and idle and budget.limited:  # else the first change of the scene waits for all probes
-            self._probe_new(shadows, budget.part(HALF, 0.0))
         return ready
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
@@ -322,17 +320,17 @@ class RecordGatherer(Owner):
         if len(found) == len(numbers):
             self.basis = replace(self.basis, moved=False)
 
-    def _probe_new(self, shadows: ShadowMaps, budget: Budget) -> None:
-        """Probe records without a probe by the present light, for comparison with probes after a change."""
-        adopt_probes(self.cache)
-        found = self._probed(shadows, self.unprobed, budget)
-        found[:, 3] = np.maximum(found[:, 3], 1e-30)  # metres: 0 marks records without a probe
-        self.cache.column("probe")[self.unprobed[: len(found)]] = found
+    def probe_new(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Probe records without a probe by the present light, for comparison with probes after a change. True if none is left.
 
-    @property
-    def unprobed(self) -> np.ndarray:
-        """The numbers of the records without a probe."""
-        return np.flatnonzero(self.cache.column("probe")[:, 3] == 0.0)
+        A view does so once it requests no record. Otherwise the first change of the scene waits for all probes.
+        """
+        adopt_probes(self.cache)
+        numbers = np.flatnonzero(self.cache.column("probe")[:, 3] == 0.0)
+        found = self._probed(shadows, numbers, budget)
+        found[:, 3] = np.maximum(found[:, 3], 1e-30)  # metres: 0 marks records without a probe
+        self.cache.column("probe")[numbers[: len(found)]] = found
+        return len(found) == len(numbers)
 
     def _probed(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
         """Return (K, 22) probes of the first K of the records of these numbers within the budget, see columns_of."""
