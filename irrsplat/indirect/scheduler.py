@@ -149,9 +149,10 @@ class RecordScheduler(Owner):
     def limit_radii(self, view: ViewState, old_too: bool = False) -> bool:
         """Compare new records with those before them, see AdaptiveRadius. Return True if the reach of an old record changed.
 
-        A view compares old records, too, in its first round, and where `old_too` is set.
+        A view compares old records, too, before its first round, and where `old_too` is set.
         """
-        return self.adaptation(self.settings, old_too or view.rounds == 0, same_floor=view.queue is not None)
+        old_too = old_too or (view.rounds == 0 and view.queue is None)
+        return self.adaptation(self.settings, old_too, same_floor=view.queue is not None)
 
     def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
         """Return a view that is drawn whole, for the examination."""
@@ -159,7 +160,7 @@ class RecordScheduler(Owner):
         return Screen(camera, gbuffer.position.size, splats.pixel_stride, splats, examine, spots, gbuffer, splats)
 
     @property
-    def _changing(self) -> bool:
+    def changing(self) -> bool:
         """True while records may be stale or are provisional: their variance and difference from probes have no meaning."""
         return self.cache.waiting > 0 or self.gatherer.provisional
 
@@ -189,7 +190,7 @@ class RecordScheduler(Owner):
         """
         if self.ended(view, screen):  # the last round of a stalled view may have covered all pixels
             return self.examined(view, screen), 0
-        changing, coarse, new = self._changing, view.pixel_stride > 1, 0
+        changing, coarse, new = self.changing, view.pixel_stride > 1, 0
         if self.settings.placement == "scan":
             view, new, waits = self._scan(view, screen, shadows, budget)
         else:
@@ -214,9 +215,9 @@ class RecordScheduler(Owner):
         """Return the view with the queue of a new round, or with its spot check advanced within the budget."""
         if self.cache.count < self._checked:  # requested records were not gathered: their places are checked again
             self._checked = 0
-        if view.check is None or self._changing:
+        if view.check is None or self.changing:
             view = self._select(replace(view, check=None), screen)
-        if view.queue is None and not (view.checked or self._changing or view.pixel_stride > 1):
+        if view.queue is None and not (view.checked or self.changing or view.pixel_stride > 1):
             view = self._check(view, screen, shadows, budget)
         return view
 
@@ -281,7 +282,7 @@ class RecordScheduler(Owner):
 
     def _select(self, view: ViewState, screen: Screen) -> ViewState:
         """Return the view with its present coverage, and the queue of a new round, coarse to fine; None without a request."""
-        settings = replace(self.settings, spread=0.0) if self._changing else self.settings
+        settings = replace(self.settings, spread=0.0) if self.changing else self.settings
         (view, found), step = self._examine(view, screen, settings), view.step
         # a quarter of the tiles requests a record if only every other pixel is examined
         requests = int(np.count_nonzero(found.requests)) * view.pixel_stride**2

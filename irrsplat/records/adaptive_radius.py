@@ -52,7 +52,7 @@ class AdaptiveRadius(Owner):
         """Compare each new record with the records before it; return True if the limit of an old record changed.
 
         old_too: update the limits of old records as well, unless new ones are few. A changed limit costs a new splat of all
-        records. Callers therefore set it at the end of a view, when it needs no more records.
+        records. Callers therefore set it where a view begins, and when it needs no more records.
         same_floor: keep the luminance floor during a round, so that the result does not depend on the number of frames.
         Does nothing while records are stale: their variance against refreshed records has no meaning.
         """
