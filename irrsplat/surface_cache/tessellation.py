@@ -207,7 +207,7 @@ def _edges(p: np.ndarray) -> np.ndarray:
 
 def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> np.ndarray:
     """Return (F,) how many times the `spacing` (F,) of triangles `p` (F, 3, 3) is halved near the `lights` (K, 4)."""
-    low, high = (np.ascontiguousarray(extreme(p, axis=1).T) for extreme in (np.min, np.max))
+    low, high = (np.ascontiguousarray(reduce(extreme, p.swapaxes(0, 1)).T) for extreme in (np.minimum, np.maximum))
     step = spacing.copy()
     for *place, size in () if lights is None else lights:
         np.minimum(step, np.sqrt(squares_from_boxes(low, high, place)) + size, out=step)
@@ -235,8 +235,10 @@ def _parts(corners: np.ndarray, n: np.ndarray, apex: np.ndarray, counts: np.ndar
 
 def _inset(p: np.ndarray, inset: float) -> np.ndarray:
     """Return (N, 3, 3) the corners `p` of triangles, moved by `inset` metres towards their mean, at most half of the way."""
-    inward = p.mean(1, keepdims=True) - p
-    length = np.linalg.norm(inward, axis=-1, keepdims=True)
+    a, b, c = p.swapaxes(0, 1)
+    inward = ((a + b + c) / np.float32(3.0))[:, None] - p
+    x, y, z = np.moveaxis(inward, -1, 0)  # numpy is slow along axes of length 3
+    length = np.sqrt(x * x + y * y + z * z)[..., None]
     return np.asarray(p + inward * np.minimum(inset / np.maximum(length, 1e-30), 0.5))
 
 
