@@ -50,9 +50,9 @@ class ViewState:
     missing, before: under-covered share of the surface pixels, 0..1, at the beginning of the present round, and of the last
     complete round. examined: sums and criteria of the last examination. settled: True if they request no record.
     queue: the waiting sites of the present round; None between rounds. near: True if they have the greatest density, so that
-    their records cover only near surfaces. check: the unfinished spot check; failed: pixels with errors at
-    each check before it; checked: True after the last one. full: True if the view needs more records than the limit. holes: the
-    cells that still lack a probe, see HoleFilling; None: unknown. scan: the traversal of the paper's algorithm.
+    their records cover only near surfaces. check: the unfinished spot check; failed: the numbers of pixels with errors at each
+    check before it; checked: True after the last one. full: True if the view needs more records than the limit. holes: the cells
+    that still lack a probe, see HoleFilling; None: unknown. scan: the traversal of the paper's algorithm.
     """
 
     subject: tuple[object, ...] = ()
